@@ -210,9 +210,10 @@ def program_name(source: str, options: Sequence[str]) -> str:
 
 
 def file_name(program: Program) -> str:
-    """Return the name of a program's file; the empty file of a program with launches depends on them too.
+    """Return the file name of a program: a hash of its source, options and launches.
 
-    PoCL compiles a kernel for each kind of launch, so a program with other launches is built ahead again.
+    PoCL compiles a kernel for each kind of launch, so other launches need another build. PoCL stores the
+    binary itself; the file of a program with launches is empty.
     """
     launches = () if program.launches is None else [json.dumps(program.launches)]
     return program_name(program.source, [*program.options, *launches])

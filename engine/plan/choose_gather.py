@@ -205,7 +205,7 @@ def stream_gather(job: SolveJob, sampler: VisibilitySampler) -> DeviceGather:
 
 
 def _peer_streams(job: SolveJob) -> list[PeerStream]:
-    """Return the rows of a stream gather on each other device that shares the work of the patches."""
+    """Return a stream gather for each other device; the devices share the patches."""
     return [
         PeerStream(peer, partial(_ray_sampler, job, peer), job.count, len(job.emission), _early_hits(job))
         for peer in job.rays.peers

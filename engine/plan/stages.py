@@ -94,7 +94,8 @@ _LONG = 1.0
 #: Name of stages that wait for programs to be built, and seconds between two polls.
 PREPARING, _POLL = "Preparing for this device (once)", 0.02
 
-#: Number of reports before a shader is built (chosen): the window takes one within 0.1 s.
+#: Number of progress reports, `_POLL` apart, before a shader build that blocks: the window shows one of them
+#: (chosen).
 _REPORTS = 5
 
 #: Minimum time between two images of Live, s.

@@ -190,7 +190,7 @@ def _density(meshes: Sequence[PolygonMesh], page: PackResult, resolution: int) -
 def _fill_one(
     meshes: Sequence[PolygonMesh], charts: Sequence[MeshCharts], square: PackJob, number: int
 ) -> Generator[float, None, list[PackResult]]:
-    """Pack one square, or several if one has no room for all."""
+    """Pack the charts of one job into a square atlas, or into several if one is too small."""
     chosen = square.meshes
     packed = yield from pack_charts(
         [meshes[index] for index in chosen],

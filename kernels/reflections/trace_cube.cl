@@ -31,13 +31,13 @@ float3 irradiance_at(const Lightmaps *lightmaps, __global const float4 *light, c
 }
 
 // Traces the samples start ... end of a cube map: SIDE x SIDE in each texel, texel by texel, face by face. They are
-// jittered, so that the energy of a light whose edges follow the texels is right on average.
-// material_of: material of each triangle. colors: reflectance and emission of each material without
-//     their textured parts, then the same of their backs without patches. light: E/pi and weight of patch i at i + 1.
-// fronts: number of triangles that are no back faces. dark: luminance below which a back indicates the inside.
-// Results, from the sample `first` on. hits: surface, or -1 for the sky, and triangle. weights: barycentrics.
-//     received: E/pi times the tint of the way; w is 0 if the hit shows the inside of geometry. through: the tint.
-//     radiance: light without the textured parts.
+// jittered, so that lights with edges parallel to the texels keep their energy on average.
+// material_of: material of each triangle. colors: untextured reflectance and emission of each material, then those of
+//     its back face without patches. light: E/pi and weight of patch i at i + 1.
+// fronts: number of front triangles. dark: luminance below which a back face indicates the inside of geometry.
+// Results, stored from the sample `first` on. hits: surface, or -1 for the sky, and triangle. weights: barycentrics.
+//     received: E/pi times `through`; w is 0 if the hit shows the inside of geometry. through: tint of the surfaces
+//     that the ray passes. radiance: untextured light.
 __kernel void trace_cube(RAYS_ARGUMENTS, __global const float2 *uvs, __global const int *atlases,
                          __global const uint *texel_to_patch, const int resolution, __global const int *backs,
                          __global const int *material_of, __global const float4 *colors, const int material_count,

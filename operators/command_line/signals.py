@@ -35,10 +35,11 @@ class Signals:
     removal of temporary files. Signals after `listening` are ignored, because the process is about to end.
     Blender's own handler cannot be restored, as Python has no access to it.
 
-    Python ignores exceptions in finalizers and callbacks of weak references, such as callbacks of its import
-    system. Blender prints exceptions of handlers and of render engines such as Cycles, and goes on. A signal
-    that was lost in one of these is sent again. So is a signal during an import: an exception there may leave
-    a lock of the import system taken, and other threads that import then wait forever.
+    Some places swallow exceptions: finalizers and callbacks of weak references in Python, handlers and render
+    engines such as Cycles in Blender. A signal that was lost there is sent again.
+
+    A signal during an import is also sent again, after the import. An exception there may leave a lock of the
+    import system taken, and other threads that import would wait forever.
     """
 
     def __init__(self) -> None:

@@ -44,7 +44,7 @@ _DECODE = "4 layers from top to bottom: L0, y, z, x; light = L0 (1 + 4 v . n), v
 #: Layers of spherical harmonics.
 _HARMONICS = 4
 
-#: LightmapGI nodes that Godot shows at once.
+#: Maximum number of LightmapGI nodes that Godot shows at once.
 _MOST = 8
 
 #: Texels beside a chart that Godot's bicubic filter reads.

@@ -92,7 +92,7 @@ class LightmapHooks:
         attribute.attr_name = LIGHT if attribute.keep else attribute.attr_name
 
     def gather_mesh_hook(self, mesh: gltf2_io.Mesh, made_of: bpy.types.Mesh, *others: object) -> None:
-        """Record the UV layers of a mesh by name, since glTF's UV sets have no names, and take its light."""
+        """Record the names of a mesh's UV layers, which glTF does not store; take its vertex light out."""
         self._layers[id(mesh)] = mesh, [layer.name for layer in made_of.uv_layers]
         paints = made_of.color_attributes.default_color_name not in ("", COLORS)
         for primitive in mesh.primitives:

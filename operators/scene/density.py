@@ -25,8 +25,9 @@ _FILLED = 0.6
 #: Widths computed from a density are rounded up to a multiple of this number of texels.
 _STEP = 16
 
-#: Texel size, m, chosen for a scene with the surface of a cube whose edge is _ROOM m. The texel size
-#: follows powers of that edge: 2 cm in a box of 2 m, 5 cm in a house, 10 cm in a level.
+#: Texel size, m, of a scene with the surface of a cube of edge _ROOM, m (chosen). For other edges it is
+#: scaled by a power of the ratio, _SMALLER below and _LARGER above: 2 cm in a box of 2 m, 5 cm in a house,
+#: 10 cm in a level.
 _ROOM_TEXEL, _ROOM, _SMALLER, _LARGER = 0.025, 5.0, 1 / 3, 1 / 2
 
 #: Mean number of texels per triangle of scenes with many small triangles, such as models of 0.5 m, and the

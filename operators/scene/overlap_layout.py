@@ -154,10 +154,7 @@ def _group(
 
 
 def _cells(footprint: CoverageGrid | None, grid: int) -> int:
-    """Return the number of cells that an object covers.
-
-    For one that leaves the atlas, more than the grid has.
-    """
+    """Return the number of cells that an object covers; above grid**2 if its UVs leave the atlas."""
     return grid**2 + 1 if footprint is None else footprint.cells
 
 

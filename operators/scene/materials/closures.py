@@ -81,7 +81,7 @@ def is_glass(node: bpy.types.Node) -> bool:
 
 
 def passes_glass(node: bpy.types.Node) -> bool:
-    """Return True if a closure transmits light that falls with the angle of incidence."""
+    """Return True if the transmittance of a closure decreases with the angle of incidence."""
     return node.bl_idname == GLASS or (node.bl_idname == PRINCIPLED and _is_positive(_transmission(node)))
 
 

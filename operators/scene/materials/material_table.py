@@ -401,8 +401,9 @@ class MaterialTable:
         shapes: list[EvaluatedMesh],
         rest: Mapping[ItemKey, np.ndarray | None],
     ) -> None:
-        """Append mesh copies of all objects that use a material, with `worn` in place of it.
+        """Append mesh copies of all objects that use a material.
 
+        worn:  material that replaces it on the copies
         rest:  positions before deformation, see `rest_positions`
         """
         for item in evaluation.items(self._watch.visible):

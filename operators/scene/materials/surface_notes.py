@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from typing import Any
 
 import bpy
@@ -46,13 +47,17 @@ _INSTANCERS = (
 )
 _INVALID = "Material '{}': input '{}' of node '{}' is NaN or infinite. Correct the number."
 
-#: Notes on closures that bakes treat differently, by type of node.
-_CLOSURES = {
-    "ShaderNodeBsdfToon": "Materials {} have Toon nodes, which bakes treat as Diffuse. Replace the nodes.",
-    "ShaderNodeBsdfRayPortal": (
-        "Materials {} have Ray Portal nodes, through which light of a bake does not pass. "
-        "Replace them with Transparent BSDF nodes."
-    ),
+_TOON = "Materials {} have Toon nodes, which bakes treat as Diffuse. Replace the nodes."
+_PORTALS = (
+    "Materials {} have Ray Portal nodes, through which light of a bake does not pass. "
+    "Replace them with Transparent BSDF nodes."
+)
+
+#: Sentences about nodes of one type.
+_NODE_TYPES = {
+    "ShaderNodeAmbientOcclusion": _OCCLUSIONS,
+    "ShaderNodeBsdfToon": _TOON,
+    "ShaderNodeBsdfRayPortal": _PORTALS,
 }
 
 _FALLOFF = "ShaderNodeLightFalloff"
@@ -75,21 +80,8 @@ class SurfaceNotes:
 
     def __init__(self, glass: bool) -> None:
         self._glass = glass
-        self._refracting: set[str] = set()
-        self._mirrors: set[str] = set()
-        self._volumes: set[str] = set()
-        self._coats: set[str] = set()
-        self._lengths: set[str] = set()
-        self._depths: set[str] = set()
-        self._sheens: set[str] = set()
-        self._hair: set[str] = set()
-        self._occlusions: set[str] = set()
-        self._views: set[str] = set()
-        self._rough: set[str] = set()
-        self._closures: dict[str, set[str]] = {kind: set() for kind in _CLOSURES}
-        self._instanced: set[str] = set()
-        self._by_bounce: set[str] = set()
-        self._emissive: set[str] = set()
+        # Names of materials, by the test that they pass, or by sentence.
+        self._noted = defaultdict[object, set[str]](set)
         self._invalid: set[str] = set()
         self._unknown: dict[str, str] = {}
 
@@ -103,66 +95,45 @@ class SurfaceNotes:
         if output is None:
             return
         if feeding_socket(output.inputs["Volume"]).is_output:
-            self._volumes.add(material.name)
-        if is_mirror(tree):
-            self._mirrors.add(material.name)
-        if depends_on_view(tree):
-            self._views.add(material.name)
+            self._noted[_VOLUMES].add(material.name)
+        for test in (is_mirror, depends_on_view):
+            if test(tree):
+                self._noted[test].add(material.name)
         for node in used_nodes(tree):
             self._add_node(material.name, node)
 
     def _add_node(self, material: str, node: bpy.types.Node) -> None:
-        self._add_closure(material, node)
-        if _reads_ray_length(node):
-            self._lengths.add(material)
-        if reads_ray_depth(node):
-            self._depths.add(material)
-        if node.bl_idname == "ShaderNodeAmbientOcclusion":
-            self._occlusions.add(material)
-        if _reads_instancer(node):
-            self._instanced.add(material)
-        if is_by_bounce(node):
-            self._by_bounce.add(material)
+        for test in _NODE_TESTS:
+            if test(node):
+                self._noted[test].add(material)
+        if node.bl_idname in _NODE_TYPES:
+            self._noted[_NODE_TYPES[node.bl_idname]].add(material)
         for socket in _invalid_inputs(node):
             self._invalid.add(_INVALID.format(material, socket.name, node.name))
-
-    def _add_closure(self, material: str, node: bpy.types.Node) -> None:
-        if is_glass(node):
-            self._refracting.add(material)
-        if _has_sheen(node):
-            self._sheens.add(material)
-        if is_hair(node):
-            self._hair.add(material)
-        if _has_tinted_coat(node):
-            self._coats.add(material)
-        if is_rough(node):
-            self._rough.add(material)
-        if node.bl_idname in _CLOSURES:
-            self._closures[node.bl_idname].add(material)
-        if may_emit(node):
-            self._emissive.add(material)
         if is_unknown(node):
             self._unknown[material] = node.name
 
     def sentences(self) -> list[str]:
         """Return a sentence for each kind of difference."""
-        notes = []
-        if self._refracting and self._glass:
-            count = counted(len(self._refracting), "glass material")
-            verb = "transmits" if len(self._refracting) == 1 else "transmit"
-            notes.append(listing(f"{count} {verb} light without refraction: {{}}.", sorted(self._refracting)))
-        if self._mirrors:
-            count = counted(len(self._mirrors), "smooth metal")
-            verb = "reflects" if len(self._mirrors) == 1 else "reflect"
+        notes, noted = [], self._noted
+        refracting, mirrors = sorted(noted[is_glass]), sorted(noted[is_mirror])
+        if refracting and self._glass:
+            count = counted(len(refracting), "glass material")
+            verb = "transmits" if len(refracting) == 1 else "transmit"
+            notes.append(listing(f"{count} {verb} light without refraction: {{}}.", refracting))
+        if mirrors:
+            count = counted(len(mirrors), "smooth metal")
+            verb = "reflects" if len(mirrors) == 1 else "reflect"
             sentence = f"{count} {verb} light in all directions instead of mirroring it: {{}}."
-            notes.append(listing(sentence, sorted(self._mirrors)))
-        bounced = self._by_bounce & self._emissive
+            notes.append(listing(sentence, mirrors))
+        bounced = noted[is_by_bounce] & noted[may_emit]
         kinds = (
-            (self._volumes, _VOLUMES), (self._coats, _COATS), (self._lengths, _LENGTHS),
-            (self._depths - bounced, _DEPTHS), (self._sheens, _SHEENS), (self._hair, _HAIR),
-            (self._occlusions, _OCCLUSIONS), (self._views, _VIEWS), (self._rough, _ROUGH),
-            (bounced, _BOUNCES), (self._instanced, _INSTANCERS),
-            *((self._closures[kind], sentence) for kind, sentence in _CLOSURES.items()),
+            (noted[_VOLUMES], _VOLUMES), (noted[_has_tinted_coat], _COATS),
+            (noted[_reads_ray_length], _LENGTHS), (noted[reads_ray_depth] - bounced, _DEPTHS),
+            (noted[_has_sheen], _SHEENS), (noted[is_hair], _HAIR), (noted[_OCCLUSIONS], _OCCLUSIONS),
+            (noted[depends_on_view], _VIEWS), (noted[is_rough], _ROUGH), (bounced, _BOUNCES),
+            (noted[_reads_instancer], _INSTANCERS),
+            (noted[_TOON], _TOON), (noted[_PORTALS], _PORTALS),
         )  # fmt: skip
         notes += [listing(sentence, sorted(materials)) for materials, sentence in kinds if materials]
         notes += sorted(self._invalid)
@@ -220,3 +191,10 @@ def _has_tinted_coat(node: bpy.types.Node) -> bool:
         return False
     color = feeding_socket(tint)
     return number_of(weight, linked=1.0) > 0 and (color.is_output or min(channels(color)) < 1)
+
+
+#: Tests of nodes; the materials that pass one are collected.
+_NODE_TESTS = (
+    is_glass, _has_tinted_coat, _reads_ray_length, reads_ray_depth, _has_sheen, is_hair, is_rough,
+    is_by_bounce, may_emit, _reads_instancer,
+)  # fmt: skip

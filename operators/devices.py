@@ -11,6 +11,7 @@ from ..engine.device.device_info import DeviceSurvey
 from ..engine.errors import EngineError
 from ..engine.progress import Progress, finished
 from .log import log
+from .viewports import redraw
 from .worker_manager import new_worker
 
 #: Time between two polls of the process, s.
@@ -63,7 +64,7 @@ class DeviceFinder:
             next(self._job)
         except StopIteration as end:
             self.found, self._job = end.value, None
-            _redraw_preferences()
+            redraw("PREFERENCES")
             return None
         return _INTERVAL
 
@@ -79,13 +80,6 @@ def _survey(opencl_device: str | None) -> Generator[Progress | None, None, Devic
         return DeviceSurvey((), (str(error),))
     finally:
         worker.stop()
-
-
-def _redraw_preferences() -> None:
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "PREFERENCES":
-                area.tag_redraw()
 
 
 #: The only instance. It is a global, since Blender's data cannot hold Python objects.

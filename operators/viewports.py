@@ -37,9 +37,9 @@ def restart_renders(manager: bpy.types.WindowManager) -> None:
                 space.shading.type = "RENDERED"
 
 
-def redraw_views() -> None:
-    """Let Blender draw all 3D views again."""
+def redraw(kind: str) -> None:
+    """Let Blender draw all editors of a type again, such as "VIEW_3D"."""
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
-            if area.type == "VIEW_3D":
+            if area.type == kind:
                 area.tag_redraw()

@@ -26,7 +26,7 @@ from ..scene.objects.render_depsgraph import reads_render
 from ..scene.objects.render_differences import hidden_in_viewport
 from ..scene.slice_timer import Slice
 from ..user_files import append_to_log
-from ..viewports import redraw_views
+from ..viewports import redraw
 from ..working_space import to_rec709
 from .exr import rgba
 from .preview import shows_preview
@@ -223,7 +223,7 @@ class LightOverlay:
         except StopIteration as end:
             self._work, self._corners = None, end.value
             if self._pixels:
-                redraw_views()
+                redraw("VIEW_3D")
         except Exception:  # noqa: BLE001
             self._work = None
             self._fail()

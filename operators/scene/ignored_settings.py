@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from ...engine.object_message import object_message
-from ...engine.scene.model import Material
+from ...engine.scene.model import Material, emits
 from .light.lights import has_light_linking
 from .objects.visible import visible_objects
 from .scene_context import SceneContext
@@ -62,14 +62,8 @@ def _culled(context: SceneContext) -> list[str]:
 def _linked_emitters(readings: Iterable[ReadObject], materials: tuple[Material, ...]) -> list[str]:
     """Return the names of emissive objects with light linking."""
     linked = {obj.session_uid: obj.name for obj in bpy.data.objects if has_light_linking(obj)}
-    emits = np.array([_emits(material) for material in materials])
-    if not linked or not emits.any():
+    is_emissive = np.array([emits(material) for material in materials])
+    if not linked or not is_emissive.any():
         return []
-    shining = (each for each in readings if each.source in linked and emits[each.mesh.slots].any())
+    shining = (each for each in readings if each.source in linked and is_emissive[each.mesh.slots].any())
     return sorted({linked[each.source] for each in shining})
-
-
-def _emits(material: Material) -> bool:
-    """Return True if a side of a material emits light."""
-    back = material.back
-    return bool(material.emission.any() or (back is not None and back.emission.any()))

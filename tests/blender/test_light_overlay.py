@@ -290,7 +290,7 @@ def test_nothing_is_drawn_before_there_is_light_and_textures_are_made_once(drawn
     monkeypatch.setattr(module, "_make_shader", lambda: card)
     monkeypatch.setattr(module, "batch_for_shader", lambda *_: card)
     redraws, draw = [], drawn[0]
-    monkeypatch.setattr(module, "redraw_views", lambda: redraws.append(1))
+    monkeypatch.setattr(module, "redraw", lambda kind: redraws.append(1))
     while run._overlay._corners is None:
         run.step()
     draw()
@@ -306,7 +306,7 @@ def test_nothing_is_drawn_before_there_is_light_and_textures_are_made_once(drawn
 
 def test_light_that_comes_before_the_triangles_is_drawn_with_them(drawn, monkeypatch):
     module, redraws = part("operators.result.light_overlay"), []
-    monkeypatch.setattr(module, "redraw_views", lambda: redraws.append(1))
+    monkeypatch.setattr(module, "redraw", lambda kind: redraws.append(1))
     run = run_of()
     overlay, read = run._overlay, run._read
     overlay._corners, overlay._work = None, module.lit_corners(read.scene)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..array_ops import joined_rows, map_blocks, order_of, take_rows
-from ..device.buffers import download, lasting_buffer, upload, zeros
+from ..device.buffers import download, lasting_buffer, upload, upload_once, zeros
 from ..device.cl_device import ComputeDevice
 from ..device.opencl import cl
 from ..scene.triangles import Triangles
@@ -96,28 +96,29 @@ class TexelClipper:
         return self._listed[atlases]
 
     def border_pieces(self, wanted: np.ndarray) -> TexelFragments:
-        """Return the fragments of wanted texels, (atlases, r, r) bool, that triangles cover partly.
+        """Return the fragments of wanted texels that triangles cover partly, sorted by texel.
 
-        The fragments are sorted by texel. A full texel may appear too if one triangle fills it.
+        A full texel may appear too if one triangle fills it.
+
+        wanted:  (atlases, r, r) bool or uint8; must not be changed, since its upload is cached
         """
-        count, *buffers = self.rows(len(wanted))
-        if not count:
-            none = np.zeros(0, np.int32)
-            return self._pieces(none, none, np.zeros(0, np.float32))
-        compute = self.compute
-        rows = (self._uvs, *buffers, upload(compute, wanted.view(np.uint8)), np.int32(self._resolution))
+        compute, (count, *buffers) = self.compute, self.rows(len(wanted))
+        total, none = 0, np.zeros((3, 0), np.int32)
+        if count:
+            rows = (self._uvs, *buffers, upload_once(compute, wanted), np.int32(self._resolution))
 
-        # First pass counts, second pass writes.
-        starts, none = zeros(compute, 4 * count), zeros(compute, 4)
-        self._run("border_texels", count, *rows, np.int32(0), starts, none, none, none)
-        ends = np.cumsum(self._read(starts, count, "i4"))
-        first = np.concatenate([[0], ends[:-1]]).astype(np.int32)
-        found = [zeros(compute, 4 * max(1, int(ends[-1]))) for _ in range(3)]
-        self._run("border_texels", count, *rows, np.int32(1), upload(compute, first), *found)
-        kinds = ("i4", "i4", "f4")
-        pieces = self._pieces(
-            *(self._read(*pair) for pair in zip(found, [int(ends[-1])] * 3, kinds, strict=True))
-        )
+            # First pass counts, second pass writes.
+            starts = self._buffer(4 * count)
+            self._run("border_texels", count, *rows, np.int32(0), starts, starts)
+            number = self._read(starts, count, "i4")
+            ends = np.cumsum(number, dtype=np.int32)
+            total = int(ends[-1])
+        if not total:
+            return self._pieces(none[0], none[0], np.zeros(0, np.float32))
+        found = self._buffer(12 * total)
+        self._run("border_texels", count, *rows, np.int32(total), upload(compute, ends - number), found)
+        triangle, texel, area = download(compute, found, (3, total)).view(np.int32)
+        pieces = self._pieces(triangle, texel, area.view(np.float32))
         return pieces.subset(order_of(pieces.keys(self._resolution)))
 
     def pieces_at(self, triangle: np.ndarray, texel: np.ndarray) -> TexelFragments:

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..device.buffers import download_bytes, upload, upload_once, words_of, zeros
+from ..device.buffers import download_bytes, upload, upload_once, words_of
 from ..device.cl_device import ComputeDevice
 from ..device.device_array import Values, rows_on_device
+from ..device.opencl import cl
 
 #: Relative difference from the mean of the neighbours above which irradiance has an edge.
 _EDGE = 0.1
@@ -35,7 +36,7 @@ _OPTIONS = {
 }
 
 #: Bit flags of kernels/postprocess/irradiance_edges.cl.
-_ON_EDGE, _AT_AN_END = 1, 2
+ON_EDGE, AT_AN_END = 1, 2
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class PatchLight:
 
     light:     (n, 1) float32, E/pi, sum of the channels, contiguous
     validity:  (n,) float32, fraction of the hemisphere without back faces
-    invalid:   (n,) bool, True for invalid patches
+    invalid:   (n,) bool, True for invalid patches; must not be changed, since its upload is cached
     """
 
     light: Values
@@ -52,39 +53,39 @@ class PatchLight:
     invalid: np.ndarray
 
 
-def find_edges(
-    compute: ComputeDevice, entries: np.ndarray, known: PatchLight
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return masks of texels on an edge and of texels at a chart end, two (atlases, r, r) bool.
+def find_edges(compute: ComputeDevice, entries: np.ndarray, known: PatchLight) -> np.ndarray:
+    """Return the marks of texels, (atlases, r, r) uint8: `ON_EDGE`, `AT_AN_END`.
 
     An edge is a texel whose irradiance or validity differs from the mean of its neighbours along a row or
-    column. It is also a texel next to the boundary between valid and invalid patches. At chart borders a
-    lower threshold applies, since a shadow may end between the last centre and the border. Each difference
-    must exceed the local noise level. A chart end has no neighbour on either side along one axis, or no
-    patch.
+    column. It is also a texel next to the boundary between valid and invalid patches, and a patch between two
+    edges. At chart borders a lower threshold applies, since a shadow may end between the last centre and the
+    border. Each difference must exceed the local noise level. A chart end has no neighbour on either side
+    along one axis, or no patch.
 
     compute:  OpenCL device
     entries:  (atlases, r, r) uint32, the patch + 1 of each texel, 0 for none; must not be changed later,
-              since its upload is cached
+              since its upload is cached, as those of the marks and of `known.invalid`
     known:    solution of the patches
     """
     options = [f"-D{name}={value}" for name, value in _OPTIONS.items()]
-    names = "find_edges", "noise_of_blocks", "mark_edges"
-    find, measure, mark = compute.kernels("irradiance_edges.cl", *names, options=options)
+    names = "find_edges", "noise_of_blocks", "mark_edges", "join_edges"
+    find, measure, mark, join = compute.kernels("irradiance_edges.cl", *names, options=options)
     atlases, side, _ = entries.shape
     blocks = -(-side // _BLOCK)
-    sizes = 4 * entries.size, 4 * atlases * blocks**2, words_of(entries.size)
-    off, noise, marks = (zeros(compute, size) for size in sizes)
+    sizes = 4 * entries.size, 4 * atlases * blocks**2, *(words_of(entries.size),) * 2
+    off, noise, marks, joined = (cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size) for size in sizes)
 
-    # Run three kernels: difference from the neighbours' mean, noise level of each block, differences above
-    # the noise.
+    # Compute differences from the neighbours' mean, the noise level of each block, differences above the
+    # noise, and texels between.
     least = np.float32(_DARK * float(np.asarray(known.light).mean()))
     light, _ = rows_on_device(compute, known.light)
-    arrays = known.validity.astype(np.float32, copy=False), known.invalid.view(np.uint8)
-    buffers = upload_once(compute, entries), light, *(upload(compute, array) for array in arrays)
-    compute.run_texels(find, entries.shape, *buffers, least, off, marks)
+    validity = upload(compute, known.validity.astype(np.float32, copy=False))
+    own, invalid = (upload_once(compute, array) for array in (entries, known.invalid))
+    compute.run_texels(find, entries.shape, own, light, validity, invalid, least, off, marks)
     in_blocks = atlases, blocks, blocks
-    compute.run_texels(measure, in_blocks, buffers[0], off, np.int32(side), noise)
+    compute.run_texels(measure, in_blocks, own, off, np.int32(side), noise)
     compute.run_texels(mark, entries.shape, off, noise, np.int32(blocks), marks)
-    found = download_bytes(compute, marks, entries.size).reshape(entries.shape)
-    return found & _ON_EDGE > 0, found & _AT_AN_END > 0
+    compute.run_texels(join, entries.shape, own, marks, joined)
+    found = download_bytes(compute, joined, entries.size).reshape(entries.shape)
+    compute.shared.of(found, "bits", lambda: joined)
+    return found

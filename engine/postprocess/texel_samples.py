@@ -13,7 +13,7 @@ from ..numpy_pickle import NumpyPickle
 from ..patches.patch_scene import PatchScene
 from ..patches.texel_fragments import TexelClipper, TexelFragments, joined_pieces
 from ..scene.triangles import Triangles
-from .irradiance_edges import PatchLight, find_edges
+from .irradiance_edges import AT_AN_END, ON_EDGE, PatchLight, find_edges
 
 #: Coverage from which a texel counts as full, and minimum cosine between normals of faces in one plane.
 _WHOLE, _FLAT = 0.999, 0.98
@@ -103,51 +103,47 @@ def display_samples(
     """
     resolution = patch_scene.patches.resolution
     own = patch_scene.patches.on_texels(atlases)
-    edge, at_an_end = find_edges(clipper.compute, own, known)
-    edge |= _between(edge) & (own > 0)
+    marks = find_edges(clipper.compute, own, known)
 
     # Texels at chart borders are supersampled anyway. Texels inside a chart are added only if they lie on an
     # edge of light.
-    border = clipper.border_pieces(edge | at_an_end)
-    key = border.keys(resolution)
-    parts = at_an_end & _shows_several(patch_scene, border, key, own)
-    chosen, points = _affordable((parts | edge).ravel(), points)
+    border = clipper.border_pieces(marks)
+    key, flat = border.keys(resolution), marks.ravel()
+    several = _show_several(patch_scene, border, key, own)
+    chosen = flat & ON_EDGE
+    chosen[several[flat[several] & AT_AN_END > 0]] = ON_EDGE
+    texels, points = _affordable(chosen, points)
 
     # Texels inside one triangle need fragments too.
-    filled = chosen.copy()
-    filled[key] = False
-    entry = own.ravel()[np.flatnonzero(filled)]
+    partly = chosen[key] > 0
+    chosen[key] = 0
+    entry = own.ravel()[texels[chosen[texels] > 0]]
     patch = entry[entry > 0].astype(np.int64) - 1
     whole = clipper.pieces_at(patch_scene.patches.triangle[patch], patch_scene.patches.texel[patch])
-    pieces = joined_pieces([border.subset(chosen[key]), whole])
+    pieces = joined_pieces([border.subset(partly), whole])
     return _samples_of(clipper, pieces, resolution, points), points
 
 
-def _between(edge: np.ndarray) -> np.ndarray:
-    """Return the texels, (atlases, r, r) bool, that lie between two edge texels of a row or column.
-
-    A texel that is half in shadow has the mean of light and shadow, so the detector finds no edge in it.
-    """
-    between = np.zeros_like(edge)
-    between[:, 1:-1] |= edge[:, :-2] & edge[:, 2:]
-    between[:, :, 1:-1] |= edge[:, :, :-2] & edge[:, :, 2:]
-    return between
-
-
 def _affordable(chosen: np.ndarray, points: int) -> tuple[np.ndarray, int]:
-    """Return the texels, (t,) bool, that fit the limit of points, and the number of points of each."""
-    texels = np.flatnonzero(chosen)
+    """Return the chosen texels, (k,) int64, that fit the limit of points, and the number of points of each.
+
+    chosen:  (t,) uint8, nonzero for chosen texels; set to 0 for those that do not fit
+    """
+    texels = np.flatnonzero(chosen.view(bool))
     while points > _FEWEST and points * len(texels) > _MOST_POINTS:
         points //= 4
-    kept = np.zeros_like(chosen)
-    kept[texels[:: max(1, -(-points * len(texels) // _MOST_POINTS))]] = True
-    return kept, points
+    step = max(1, -(-points * len(texels) // _MOST_POINTS))
+    if step > 1:
+        chosen[texels] = 0
+        texels = texels[::step]
+        chosen[texels] = 1
+    return texels, points
 
 
-def _shows_several(
+def _show_several(
     patch_scene: PatchScene, border: TexelFragments, key: np.ndarray, own: np.ndarray
 ) -> np.ndarray:
-    """Return the texels, (atlases, r, r) bool, that are partly covered or contain faces of several planes.
+    """Return the texels, (k,) int64, that are partly covered or contain faces of several planes.
 
     patch_scene:  patches of the scene
     border:       fragments of triangles in border texels
@@ -168,9 +164,8 @@ def _shows_several(
 
     # A sliver in a texel whose centre is not covered is left to the neighbouring texel.
     partly &= (own.ravel()[texel] > 0) | (covered > _SLIVER)
-    parts = np.zeros(own.size, bool)
-    parts[texel[partly]] = True
-    return parts.reshape(own.shape)
+    several: np.ndarray = texel[partly]
+    return several
 
 
 def _samples_of(clipper: TexelClipper, pieces: TexelFragments, resolution: int, points: int) -> TexelSamples:

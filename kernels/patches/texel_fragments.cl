@@ -53,12 +53,11 @@ int4 spans_in_row(const float2 *corners, const int resolution)
     return convert_int4((float4)(start, filled, until, end));
 }
 
-// Counts (lists = 0) or lists (lists = 1) the wanted texels of a row that a triangle touches but does not fill. When
-// listing, entries go from starts[item] on, with their covered areas.
+// Counts (total = 0) or lists the wanted texels of a row that a triangle touches but does not fill. When listing,
+// entries go from starts[item] on, in columns of `total` words: triangle, texel, covered area.
 __kernel void border_texels(__global const float *uvs, __global const int *triangles, __global const int *rows,
                             __global const int *atlases, __global const uchar *wanted, const int resolution,
-                            const int lists, __global int *starts, __global int *found, __global int *found_texels,
-                            __global float *areas, const int count)
+                            const int total, __global int *starts, __global int *found, const int count)
 {
     const int item = get_global_id(0);
     if (item >= count)
@@ -68,20 +67,20 @@ __kernel void border_texels(__global const float *uvs, __global const int *trian
     corners_at(uvs, triangle, resolution, (float2)(0.0f, row), corners);
     const int4 spans = spans_in_row(corners, resolution);
     __global const uchar *here = wanted + ((size_t)atlases[triangle] * resolution + row) * resolution;
-    int number = lists ? starts[item] : 0;
+    int number = total ? starts[item] : 0;
     for (int column = spans.x; column < spans.w; ++column) {
         if (column == spans.y)
             column = spans.z;
         if (column >= spans.w || !here[column])
             continue;
-        if (lists) {
+        if (total) {
             found[number] = triangle;
-            found_texels[number] = row * resolution + column;
-            areas[number] = covered_area(uvs, triangle, resolution, (int2)(column, row));
+            found[total + number] = row * resolution + column;
+            found[2 * total + number] = as_int(covered_area(uvs, triangle, resolution, (int2)(column, row)));
         }
         ++number;
     }
-    if (!lists)
+    if (!total)
         starts[item] = number;
 }
 

@@ -94,3 +94,17 @@ __kernel void mark_edges(__global const float *off, __global const float *noise,
                 edge |= off[AT(u, v)] > fmax(EDGE_NEAR_BORDER, least);
     marks[texel] |= edge ? ON_EDGE : 0;
 }
+
+// Writes the marks of texels, ON_EDGE also between two such texels of a row or column: a texel that is half in shadow
+// has the mean of light and shadow, so it deviates from neither.
+__kernel void join_edges(__global const uint *entries, __global const uchar *marks, __global uchar *joined,
+                         const int width, const int height)
+{
+    TEXEL;
+    bool edge = marks[texel] & ON_EDGE;
+    if (entries[texel] && x > 0 && x < width - 1)
+        edge |= marks[texel - 1] & marks[texel + 1] & ON_EDGE;
+    if (entries[texel] && y > 0 && y < height - 1)
+        edge |= marks[texel - width] & marks[texel + width] & ON_EDGE;
+    joined[texel] = (edge ? ON_EDGE : 0) | (marks[texel] & AT_AN_END);
+}

@@ -74,9 +74,9 @@ def warn_lit_back_faces(scene: Scene, job: SolveJob, irradiance: Values, atlases
     examined &= _may_be_dark(count, total, level)
     if not examined.any():
         return []
-    of_patch = taken(triangles.mesh, patches)
-    chosen = np.flatnonzero(taken(examined, of_patch))
-    count, total = _light_of_meshes(taken(of_patch, chosen), luminance(values_at(irradiance, chosen)), meshes)
+    chosen = np.flatnonzero(taken(examined[triangles.mesh], patches))
+    of_chosen = triangles.mesh[taken(patches, chosen)]
+    count, total = _light_of_meshes(of_chosen, luminance(values_at(irradiance, chosen)), meshes)
     dark = _open_meshes(scene, np.flatnonzero((count > 0) & (total <= _DARK * level * count)))
     if not dark:
         return []

@@ -9,7 +9,7 @@ from ..device.cl_device import ComputeDevice
 from ..device.opencl import cl
 from ..patches.patch_scene import PatchScene
 from ..scene.color import luminance
-from .thresholds import DARK_BACK
+from .thresholds import DARK_BACK, SENDERS
 
 #: Maximum number of patches in the mean radiance of the scene.
 _SAMPLED = 1 << 16
@@ -33,7 +33,7 @@ def lit_backs(
     if triangles.backs is None:
         return None
     mean = mean_luminance(compute, radiance, count)
-    (kernel,) = compute.kernels("lit_backs.cl", "luminance_of_backs")
+    (kernel,) = compute.kernels(SENDERS, "luminance_of_backs")
     arrays = triangles.atlas, sources.texel_to_patch
     lookups = lasting_buffer(compute, triangles.uvs), *(upload_once(compute, array) for array in arrays)
     found = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 4 * triangles.solid)
@@ -47,7 +47,7 @@ def lit_backs(
 
 def mean_luminance(compute: ComputeDevice, radiance: cl.Buffer, count: int) -> float:
     """Return the mean luminance of exitant radiance, from evenly spaced patches if there are many."""
-    (kernel,) = compute.kernels("lit_backs.cl", "sample_radiance")
+    (kernel,) = compute.kernels(SENDERS, "sample_radiance")
     stride = max(1, -(-count // _SAMPLED))
     some = -(-count // stride)
     sampled = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 16 * some)

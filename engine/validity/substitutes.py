@@ -17,6 +17,7 @@ from ..device.opencl import cl
 from ..patches.patch_scene import PatchScene
 from ..patches.texels_around import beside_any, entries_around
 from ..scene.color import channel_sum
+from .thresholds import SENDERS
 
 #: Texels that are processed at once.
 _TEXELS = 1 << 18
@@ -25,7 +26,7 @@ _TEXELS = 1 << 18
 _FEW = 16
 
 #: Minimum cosine between the normals of a patch and its substitute, and maximum distance between their
-#: planes, texels.
+#: planes, texels; ALIKE and NEAR of kernels/validity/substitutes.cl.
 _ALIKE, _NEAR = 0.9, 0.5
 
 #: Fraction of the brightest light below which light counts as that bright in harmonic means.
@@ -57,10 +58,7 @@ def find_substitutes(
 def _find_on_device(compute: ComputeDevice, patch_scene: PatchScene, invalid: np.ndarray) -> PatchPairs:
     """Return the result of `find_substitutes`, computed on the OpenCL device."""
     entries, geometry = patch_scene.texel_to_patch, patch_scene.geometry
-    options = f"-DALIKE={_ALIKE}f", f"-DNEAR={_NEAR}f"
-    count, list_all = compute.kernels(
-        "substitutes.cl", "count_candidates", "list_candidates", options=options
-    )
+    count, list_all = compute.kernels(SENDERS, "count_candidates", "list_candidates")
     arrays = entries, invalid, geometry.triangle, geometry.barycentric, geometry.triangles.positions
     inputs = (
         *(upload_once(compute, array) for array in arrays),

@@ -82,3 +82,6 @@ KERNEL_OPTIONS = (
     f"-DFIRST_PROBES={FIRST_PROBES}",
     LIT_FROM_OPTION,
 )
+
+#: Program of kernels that read the light of patches or look for substitutes.
+SENDERS: Source = ("lit_backs.cl", "substitutes.cl")

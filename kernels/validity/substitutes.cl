@@ -3,6 +3,10 @@
 // Candidates for substitutes (engine/validity/substitutes.py): valid patches beside the texels of invalid ones, on the
 // same plane.
 
+// Minimum cosine between the normals of a patch and its substitute, and maximum distance between their planes, texels.
+#define ALIKE 0.9f
+#define NEAR 0.5f
+
 #define PATCHES \
     __global const uint *entries, __global const uchar *invalid, __global const int *triangles, \
         __global const float *barycentrics, __global const float *corners, __global const float *geometric, \

@@ -13,6 +13,7 @@ from engine.direct.contact import find_contacts, patches_lit_by_backs
 from engine.patches.patch_scene import make_patch_scene
 from engine.session import Session
 from engine.validity.push_off import find_inside, push_off_points
+from engine.validity.substitutes import find_substitutes
 from engine.visibility.rays.ray_scene import RayScene
 from engine.visibility.rays.shaders.shader_scene import ShaderScene
 from tests.analytic.scenes import material, quads, rectangle, room_walls
@@ -232,6 +233,15 @@ def test_probes_find_the_same_without_opencl(graphics, compute, shift):
     # Ways out of equal length are common among whole coordinates; rounding decides between them.
     assert (np.abs(offset - our_offset)[same].max(axis=1) > 1e-3).mean() < 2e-3
     assert (np.isinf(thickness) == np.isinf(our_thickness)).mean() > 0.99
+
+
+def test_candidates_for_substitutes_are_the_same_on_the_device(graphics, compute):
+    settings = dataclasses.replace(SETTINGS, resolution=128)
+    patch_scene = make_patch_scene(graphics, compute, stacks(NEAR), settings)
+    invalid = np.random.default_rng(5).random(len(patch_scene.patches)) < 0.1
+    ours, theirs = find_substitutes(patch_scene, invalid), find_substitutes(patch_scene, invalid, compute)
+    assert len(ours[0]) > 1000
+    np.testing.assert_array_equal(theirs, ours)
 
 
 def insides(width, depth, height, shift):

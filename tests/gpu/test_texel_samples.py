@@ -11,6 +11,7 @@ from engine.patches.texel_fragments import TexelClipper
 from engine.postprocess import texel_samples as module
 from engine.postprocess.irradiance_edges import ON_EDGE, PatchLight, find_edges
 from engine.postprocess.texel_means import TexelMeans
+from engine.texel_gather import texel_sample_gather
 from engine.validity.push_off import pushed_barycentrics
 from tests.gpu.test_texel_fragments import nasty_uvs, triangles_of
 
@@ -194,6 +195,19 @@ def test_points_that_leave_their_triangle_are_not_pushed():
     assert stays.tolist() == [True, False]
     at = np.einsum("k,kd->d", moved[0], triangles.positions[0])
     assert at == pytest.approx(geometry.center[0] + offset[0], abs=1e-6)
+
+
+@pytest.mark.parametrize("most", [5, 8, 1000])
+def test_batches_end_between_texels(compute, monkeypatch, most):
+    monkeypatch.setattr(texel_sample_gather, "_BATCH", most)
+    patch_scene = parts_of(SQUARE + 0.5 / 13)
+    samples = display_samples(compute, patch_scene, 1, even(patch_scene), 4)
+    device = SimpleNamespace(device=SimpleNamespace(global_mem_size=0))
+    batches, done = zip(*texel_sample_gather._batches(samples, device), strict=True)
+    assert np.array_equal(np.concatenate([batch.position for batch in batches]), samples.position)
+    texels = [set(batch.texel) for batch in batches]
+    assert sum(map(len, texels)) == len(samples.starts) and max(map(len, batches)) < most + 4
+    assert [first for first, _ in done[1:]] == [last for _, last in done[:-1]] and done[-1][1] == 1
 
 
 @pytest.mark.parametrize(("most", "points", "texels"), [(352, 16, 22), (351, 4, 22), (40, 4, 8)])

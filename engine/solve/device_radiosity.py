@@ -15,7 +15,15 @@ from ..device.opencl import cl
 from ..gather.device_l1 import L1
 from ..gather.interface import DeviceGather
 from ..patches.sides import Sides
-from .radiosity_state import FluxSums, IterationStep, IterationSums, SolvedSurfaces, StartLight, areas_of
+from .radiosity_state import (
+    FluxSums,
+    IterationStep,
+    IterationSums,
+    SolvedSurfaces,
+    StartLight,
+    areas_of,
+    wait_for,
+)
 
 #: Work items of reductions, and items per group of the final sum, for a GPU and for a CPU. A GPU needs many
 #: items to hide memory latency, and many items keep float32 sums accurate. Powers of two are multiples of
@@ -120,6 +128,7 @@ class DeviceRadiosity:
         yield from self._sweep.gather(self, column)
         if self._sides is not None:
             self._sides.blend(self.outputs(column))
+        yield from wait_for(self._areas)
 
     def sums(self, newest: int, least: float) -> IterationSums:
         """Return the sums over all patches after an iteration, for error estimate and acceleration."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Mapping
-from concurrent.futures import Future
+from concurrent.futures import Future, wait
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -45,6 +45,9 @@ class StartLight:
         return self.sampled if self.direct is None else self.direct
 
 
+#: Seconds between two reports while a bake waits for areas, so that it can be cancelled.
+_PAUSE = 0.05
+
 #: Area of each patch, (n,) float32, m^2, or its computation in a thread; see `areas_of`.
 Areas = np.ndarray | Future[np.ndarray]
 
@@ -52,6 +55,13 @@ Areas = np.ndarray | Future[np.ndarray]
 def areas_of(area: Areas) -> np.ndarray:
     """Return the area of each patch, (n,) float32, m^2; wait for its computation."""
     return area.result() if isinstance(area, Future) else area
+
+
+def wait_for(area: Areas) -> Generator[float, None, None]:
+    """Wait for the computation of areas; yield 1.0 meanwhile."""
+    while isinstance(area, Future) and not area.done():
+        wait([area], _PAUSE)
+        yield 1.0
 
 
 @dataclass(frozen=True)

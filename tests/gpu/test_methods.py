@@ -3,6 +3,7 @@
 import dataclasses
 import re
 import threading
+import time
 
 import numpy as np
 import pyopencl as cl
@@ -18,6 +19,7 @@ from engine.patches.patch_scene import make_patch_scene
 from engine.plan import choose_solver, visibility_trial
 from engine.postprocess import texel_cache
 from engine.scene.transmission import CLEAR
+from engine.session import Session
 from engine.visibility import sample_counts
 from engine.visibility.raster.raster_sampler import RasterSampler
 from engine.visibility.raster.targets import ItemBufferTarget
@@ -162,6 +164,22 @@ def test_a_bake_waits_for_areas_only_once_visibility_is_computed(monkeypatch):
     late = drive(nine_quad_room(), settings)
     assert order[:2] == ["visibility", "areas"]
     assert np.array_equal(late.image, expected.image)
+
+
+def test_a_bake_that_waits_for_areas_can_be_cancelled(monkeypatch):
+    """It reports while it waits, so a cancel takes less than half a second."""
+    released = threading.Event()
+    monkeypatch.setattr(texel_cache, "surface_areas", lambda *arguments: released.wait(20))
+    work = Session().bake(nine_quad_room(), dataclasses.replace(SETTINGS, visibility="rays"))
+    waiting = (step for step in work if step.stage == "Visibility" and step.fraction == 1)
+    try:
+        next(waiting)
+        began = time.monotonic()
+        next(waiting)
+        work.close()
+        assert time.monotonic() - began < 0.5
+    finally:
+        released.set()
 
 
 def test_drawing_is_not_tried_where_it_cannot_be_as_fast(paper, monkeypatch):

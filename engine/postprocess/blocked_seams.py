@@ -56,7 +56,8 @@ def drop_blocked_seams(
     if not len(seams):
         return seams
     entries = patch_scene.patches.on_texels(len(known))
-    texels = np.where(known, np.uint8(_KNOWN), np.uint8(0)) | (entries > 0).view(np.uint8)
+    texels = known * np.uint8(_KNOWN)
+    texels |= (entries > 0).view(np.uint8)
     marks = _compared(ray_scene.compute, seams, light, texels)
     some = np.flatnonzero(marks)
     patches = _patches_beside(seams.subset(some), entries, known)
@@ -65,8 +66,11 @@ def drop_blocked_seams(
 
     # Both patches are invalid, so the difference of light comes from the geometry that covers them.
     stands = (marks[some] & _OTHER_LIGHT > 0) & all_in_rows(invalid[patches])
+    blocked = some[stands | _something_between(patch_scene, ray_scene, patches)]
+    if not len(blocked):
+        return seams
     kept = np.ones(len(seams), bool)
-    kept[some] = ~(stands | _something_between(patch_scene, ray_scene, patches))
+    kept[blocked] = False
     return seams.subset(kept)
 
 

@@ -48,10 +48,10 @@ def _quality(
 
 #: Presets by name, fastest first; `high` equals the defaults. Errors measured by tools/quality.py.
 QUALITIES = {
-    "draft": _quality("Draft", 0.08, 8, 64, 32, adaptive=False, denoised=0.04),
+    "draft": _quality("Draft", 0.1, 8, 64, 32, adaptive=False, denoised=0.04),
     "preview": _quality("Preview", 0.03, 16, 256, 32, adaptive=True),
-    "high": _quality("High", 0.007, 32, 0, 64, adaptive=False),
-    "very_high": _quality("Very High", 0.003, 64, 0, 256, adaptive=False),
+    "high": _quality("High", 0.011, 32, 0, 64, adaptive=False),
+    "very_high": _quality("Very High", 0.006, 64, 0, 256, adaptive=False),
 }
 
 #: Names of the settings that a preset sets.

@@ -121,7 +121,7 @@ class VisibleBacks:
         tracer = make_tracer(triangles, read_cutouts(scene))
         width = texel or triangles.diagonal / resolution
         self._visible = yield from _visible(tracer, triangles, scene, width, resolution, candidates)
-        self._key, self._shape, self._hierarchy = key, shape, (triangles.origin, tracer.bvh)
+        self._key, self._shape, self._hierarchy = key, shape, (triangles.positions, tracer.bvh)
         return self._visible
 
     def refresh(self, make_tracer: MakeTracer) -> bool:
@@ -139,27 +139,12 @@ class VisibleBacks:
         """
         if self._hierarchy is None:
             return None
-        origin, bvh = self._hierarchy
-        is_same = np.array_equal(origin, triangles.origin) and self._has_positions(triangles)
+        positions, bvh = self._hierarchy
+        is_same = np.array_equal(positions, triangles.positions[: triangles.solid])
         if not is_same or not isinstance(bvh, kind):
             return None
         self._hierarchy = None
         return bvh
-
-    def _has_positions(self, triangles: Triangles) -> bool:
-        """Return True if the front triangles are those of the last choice, joined at the same origin.
-
-        The meshes of the key are compared one by one, so that no joined positions are kept.
-        """
-        meshes = [positions for positions, *_ in self._key[0][0]]
-        ends = np.cumsum([len(positions) for positions in meshes])
-        if ends[-1] != triangles.solid:
-            return False
-        origin = np.float32(triangles.origin)
-        parts = np.split(triangles.positions[: triangles.solid], ends[:-1])
-        return all(
-            np.array_equal(np.float32(mesh) - origin, part) for mesh, part in zip(meshes, parts, strict=True)
-        )
 
 
 def _key_of(scene: Scene) -> tuple:

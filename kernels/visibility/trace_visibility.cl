@@ -1,3 +1,4 @@
+#pragma once
 #include "bvh_traversal.cl"
 #include "receiver.cl"
 #include "irradiance_l1.cl"

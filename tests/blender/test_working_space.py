@@ -244,7 +244,7 @@ def test_files_without_negative_channels_are_reported(matrix, tmp_path, file_for
 
 def test_conversions_make_no_float64_copy_of_a_map(matrix):
     space = part("operators.working_space")
-    colours = np.random.default_rng(7).random((509, 521, 3), np.float32)
+    colours = np.random.default_rng(7).random((2039, 1021, 3), np.float32)
     tracemalloc.start()
     converted = space.to_rec709(colours)
     peak = tracemalloc.get_traced_memory()[1]

@@ -23,7 +23,7 @@ _PART = 4
 
 @dataclass(frozen=True)
 class HitRows:
-    """Hits of the patches first <= i < last, see trace_hits.cl; None if there was no memory for them."""
+    """Hits of the patches first <= i < last, see trace_hits.cl; None after an error, such as full memory."""
 
     hits: cl.Buffer | None
     first: int
@@ -49,7 +49,8 @@ class EarlyHits:
     """Hits of the last patches, traced by other devices in pieces until `stop`, at most their equal share.
 
     Hits depend neither on light nor on patch groups, so a device can trace them as soon as the patches are
-    listed. Other tasks of its thread run between two pieces.
+    listed. Other tasks of its thread run between two pieces. A device stops after an error; the gather traces
+    the rays of the failed piece again, and raises a lasting error.
 
     count:        number of patches
     make_tracer:  creates the tracer of a device, in its thread
@@ -102,11 +103,12 @@ class EarlyHits:
         hits: cl.Buffer | None = None
         try:
             size = tracer.hit_bytes * (last - first)
-            hits = cl.Buffer(peer.context, cl.mem_flags.READ_WRITE, size)
-            finished(tracer.trace_hits(first, last, hits))
+            buffer = cl.Buffer(peer.context, cl.mem_flags.READ_WRITE, size)
+            finished(tracer.trace_hits(first, last, buffer))
+            hits = buffer
             peer.thread.submit(partial(self._trace, peer, tracer, room - (last - first)))
-        except cl.MemoryError:
-            hits = None
+        except cl.Error:
+            pass  # The gather raises a lasting error. This one would keep the buffer alive if it were stored.
         finally:
             self._pieces[peer].append(HitRows(hits, first, last))
 

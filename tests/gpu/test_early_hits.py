@@ -1,0 +1,37 @@
+"""Hits that another device traces ahead."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+import pytest
+
+from engine import Settings
+from engine.device.cl_device import ComputeDevice
+from engine.device.opencl import cl
+from engine.visibility.rays.early_hits import EarlyHits
+
+
+class _FailingTracer:
+    """Tracer on a device that is lost."""
+
+    samples, hit_bytes = 4, 16
+
+    def __init__(self, error: Exception) -> None:
+        self._error = error
+
+    def trace_hits(self, *_: object) -> Generator[tuple[int, int], None, None]:
+        yield 0, 1
+        raise self._error
+
+
+@pytest.mark.parametrize("error", [cl.MemoryError, cl.RuntimeError, cl.LogicError, ValueError])
+def test_piece_without_hits_counts_as_such_after_any_error(
+    error: type[Exception], compute: ComputeDevice
+) -> None:
+    tracer = _FailingTracer(error("OUT_OF_RESOURCES"))
+    early = EarlyHits(100, [compute], lambda _: tracer, Settings())
+    compute.thread.submit(lambda: None).result()
+    (piece,) = early.on(compute)
+    assert (piece.hits, piece.first, piece.last) == (None, early.stop(), 100)
+    compute.thread.end()

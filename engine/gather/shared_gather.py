@@ -70,11 +70,13 @@ class DeviceRows:
     @property
     def _made(self) -> DeviceParts:
         if self._parts is None:
-            parts = self._parts = self._make()
+            parts = self._make()
             count = parts.cache.count
             self._kernels = GatherKernels(self.compute, parts.cache.sampling)
             self._dark, self.light = (zeros(self.compute, _LIGHT * count) for _ in range(2))
             self._outputs = (self._dark, self._dark, self.light, self.light, np.int32(0), np.int32(count))
+            # Set last: after an error in the task of `begin`, the gather tries again and raises it.
+            self._parts = parts
         return self._parts
 
     def begin(self) -> None:

@@ -1,14 +1,17 @@
-"""Hits that another device traces ahead."""
+"""Hits that another device traces ahead, and its objects for the gather, after errors."""
 
 from __future__ import annotations
 
 from collections.abc import Generator
+from types import SimpleNamespace
 
 import pytest
 
 from engine import Settings
 from engine.device.cl_device import ComputeDevice
 from engine.device.opencl import cl
+from engine.gather import shared_gather
+from engine.gather.shared_gather import DeviceParts, DeviceRows
 from engine.visibility.rays.early_hits import EarlyHits
 
 
@@ -35,3 +38,19 @@ def test_piece_without_hits_counts_as_such_after_any_error(
     (piece,) = early.on(compute)
     assert (piece.hits, piece.first, piece.last) == (None, early.stop(), 100)
     compute.thread.end()
+
+
+def test_error_while_another_device_prepares_is_raised_by_its_gather(
+    compute: ComputeDevice, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise cl.MemoryError("OUT_OF_RESOURCES")
+
+    monkeypatch.setattr(shared_gather, "GatherKernels", fail)
+    parts = DeviceParts(SimpleNamespace(count=8, sampling=None), None, None, 8)
+    rows = DeviceRows(compute, lambda: parts)
+    rows.begin()
+    compute.thread.submit(lambda: None).result()
+    compute.thread.end()
+    with pytest.raises(cl.MemoryError):
+        _ = rows.cache

@@ -58,11 +58,11 @@ def share(
 def _traces_early(rays: RayScene, patch_scene: PatchScene, settings: Settings) -> bool:
     """Return True if all patches will cast their rays once they have light, after work of the host.
 
-    A hit is the index of a texel without a tint, see trace_hits.cl.
+    A hit is the index of a texel without a tint, or `SKY`, 2^31 - 1; see trace_hits.cl.
     """
     adaptive = settings.adaptive and rays.compute.processor
     on_one = settings.visibility == "raster" or settings.directional or settings.by_light_groups or adaptive
-    fits = patch_scene.texel_to_patch.size <= 1 << 31 and not patch_scene.cutouts.tinted
+    fits = patch_scene.texel_to_patch.size < 1 << 31 and not patch_scene.cutouts.tinted
     return fits and not on_one
 
 

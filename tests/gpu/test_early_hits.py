@@ -12,6 +12,7 @@ from engine.device.cl_device import ComputeDevice
 from engine.device.opencl import cl
 from engine.gather import shared_gather
 from engine.gather.shared_gather import DeviceParts, DeviceRows
+from engine.plan import sharing
 from engine.visibility.rays.early_hits import EarlyHits
 
 
@@ -54,3 +55,12 @@ def test_error_while_another_device_prepares_is_raised_by_its_gather(
     compute.thread.end()
     with pytest.raises(cl.MemoryError):
         _ = rows.cache
+
+
+@pytest.mark.parametrize(("texels", "fit"), [((1 << 31) - 1, True), (1 << 31, False)])
+def test_last_texel_is_no_hit_of_the_sky(texels: int, fit: bool, compute: ComputeDevice) -> None:
+    patch_scene = SimpleNamespace(
+        texel_to_patch=SimpleNamespace(size=texels), cutouts=SimpleNamespace(tinted=False)
+    )
+    settings = Settings(adaptive=False)
+    assert sharing._traces_early(SimpleNamespace(compute=compute), patch_scene, settings) == fit

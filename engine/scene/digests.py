@@ -40,11 +40,12 @@ class ArrayDigests:
         self._begun: dict[int, tuple[np.ndarray, list[Future[bytes]]]] = {}
 
     def begin(self, scene: Scene) -> None:
-        """Start to hash the long arrays of meshes in threads."""
-        for mesh in scene.meshes:
-            for array in (getattr(mesh, name) for name in _GEOMETRY):
-                if array.nbytes > _PIECE and id(array) not in self._known:
-                    self._begun[id(array)] = array, _hashes(array)
+        """Start to hash the long arrays of meshes in threads; drop those of an earlier scene."""
+        self._begun.clear()
+        for array in (array for mesh in scene.meshes for array in _geometry_of(mesh)):
+            known = id(array) in self._known or id(array) in self._begun
+            if array.nbytes > _PIECE and not known:
+                self._begun[id(array)] = array, _hashes(array)
 
     def of(self, array: np.ndarray) -> bytes:
         """Return the hash of an array's values."""
@@ -106,8 +107,7 @@ def geometry_digest(scene: Scene, known: ArrayDigests | None = None) -> bytes:
     digest.feed([len(scene.atlases), len(scene.meshes), len(scene.materials)])
     maps = [texture for material in scene.materials for texture in transmission_maps(material)]
     for mesh in scene.meshes:
-        names = _GEOMETRY if mesh.front is None else _OF_BACKS
-        digest.feed([mesh.name, mesh.atlas, mesh.front, *(getattr(mesh, name) for name in names)])
+        digest.feed([mesh.name, mesh.atlas, mesh.front, *_geometry_of(mesh)])
         if mesh.front is None:
             digest.feed_uvs(mesh, maps)
     for material in scene.materials:
@@ -166,6 +166,11 @@ def digest_of(values: Iterable[object]) -> str:
     digest = _Digest(size=_SHORT)
     digest.feed(values)
     return digest.value().hex()
+
+
+def _geometry_of(mesh: Mesh) -> list[np.ndarray]:
+    """Return the arrays of a mesh that its geometry digest covers."""
+    return [getattr(mesh, name) for name in (_GEOMETRY if mesh.front is None else _OF_BACKS)]
 
 
 def _maps(material: Material) -> tuple[Texture | None, ...]:

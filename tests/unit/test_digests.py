@@ -170,3 +170,18 @@ def test_long_arrays_are_read_once_and_forgotten_with_their_scene(monkeypatch):
     del scene
     gc.collect()
     assert len(known._known) == first
+
+
+def test_only_hashed_arrays_are_begun_and_none_outlives_its_bake(monkeypatch):
+    monkeypatch.setattr(digests, "_PIECE", 60)
+    begun, known, hashes = [], ArrayDigests(), digests._hashes
+    monkeypatch.setattr(digests, "_hashes", lambda array: begun.append(id(array)) or hashes(array))
+    front = SCENE.meshes[0]
+    back = replace(front, positions=front.positions.copy(), front=np.arange(7, dtype=np.int32))
+    scene = replace(SCENE, meshes=(front, replace(front, name="Shared"), back))
+    known.begin(with_mesh(positions=nudged("positions")))
+    begun.clear()
+    known.begin(scene)
+    assert id(back.positions) not in begun and len(begun) == len(set(begun)) == len(known._begun) == 3
+    assert geometry_digest(scene, known) == geometry_digest(scene)
+    assert not known._begun

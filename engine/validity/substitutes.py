@@ -116,7 +116,10 @@ def substitute_patches(
     patch, neighbour = find_pairs(patch_scene, invalid)
     order = order_of(patch)
     patch, neighbour = patch[order], neighbour[order]
+
+    # Lights too bright for float32 can give NaN, which counts as the brightest.
     light = channel_sum(light_of(neighbour)).astype(np.float64)
+    light[np.isnan(light)] = np.inf
     starts = run_starts(patch)
     first = _closest_below_means(light, starts)
     result = np.arange(len(invalid), dtype=np.uint32)

@@ -196,3 +196,12 @@ def test_means_need_no_memory_for_patches_without_candidates(monkeypatch):
     front[-1, -1] = 0
     found = substitutes(floor(), near(WIDTH**2), gathered_by(light, front))
     assert found[-1] != WIDTH**2 - 1 and max(largest) == 1
+
+
+@pytest.mark.parametrize("light", [np.nan, np.inf])
+def test_light_beyond_float32_is_not_the_substitute_of_other_light(light):
+    invalid, pairs = np.array([True, False, False]), (np.array([0, 0]), np.array([1, 2]))
+    for other in (2, light):
+        colors = np.float32([[0] * 3, [light] * 3, [other] * 3])
+        found = substitute_patches(None, invalid, colors.__getitem__, lambda *_: pairs)
+        assert found.tolist() == [2 if other == 2 else 1, 1, 2]

@@ -30,6 +30,10 @@ _SIDES = 24
 #: Half angle of an area light's spread in radians; lights with a larger spread count as Lambertian.
 _WIDEST = 1.57
 
+#: Minimum of that angle, half a degree (chosen). Below it, float32 cannot hold the difference of tangent and
+#: angle by which radiance is normalized, and hardly any sample lies in the cone.
+_NARROWEST = np.pi / 360
+
 #: Kinds of emitters, as in kernels/direct/emitters.cl.
 POINT, SUN, TRIANGLE, SKY_MAP = range(4)
 
@@ -301,7 +305,7 @@ def _area_records(light: Light) -> np.ndarray:
     records = _triangle_records(corners, np.tile(light.strength, (len(corners), 1)))
     records["casts_shadow"] = light.casts_shadow
     records["uniform"] = light.half_angle >= _WIDEST and not is_modulated(light)
-    records["spread"], records["triangle"] = light.half_angle, -1
+    records["spread"], records["triangle"] = max(light.half_angle, _NARROWEST), -1
     return records
 
 

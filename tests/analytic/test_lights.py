@@ -148,6 +148,17 @@ def test_spread():
     assert baked(lamp) == pytest.approx(expected, rel=2e-2)
 
 
+@pytest.mark.parametrize("compute", [devices.ComputeDevice, NoCompute])
+def test_spread_below_a_degree_counts_as_a_degree(compute, monkeypatch):
+    """A spread of 0 gave NaN, or no light."""
+    monkeypatch.setattr(devices, "ComputeDevice", compute)
+    least, *narrower = (
+        baked(light("area", size=np.array([0.02, 0.02]), half_angle=np.radians(half)))
+        for half in (0.5, 0.0, 0.001)
+    )
+    assert (least > 0).all() and all(np.array_equal(image, least) for image in narrower)
+
+
 def test_dim_penumbra_of_a_spread():
     """A roof hides a light's cone except for its rim, in which few of 16 rays start."""
     half, edge = np.radians(10), 0.08

@@ -83,11 +83,8 @@ class _Digest:
         for name in sorted(needed & mesh.texture_uvs.keys()):
             self.feed([name, mesh.texture_uvs[name]])
 
-    def feed_texture(self, texture: Texture | None) -> None:
-        """Add the pixels and the mapping of a texture, or that there is none."""
-        if texture is None:
-            self.feed([None])
-            return
+    def feed_texture(self, texture: Texture) -> None:
+        """Add the pixels and the mapping of a texture."""
         mapping = [getattr(texture, name) for name in _MAPPING]
         self.feed([*mapping, texture.srgb, texture.transform, texture.pixels])
 

@@ -122,7 +122,7 @@ class GroupedSolution:
 
     @property
     def substitute(self) -> np.ndarray | None:
-        """Substitute of each group, (m,) int64; None if all groups are valid."""
+        """Substitute of each group, (m,) uint32; None if all groups are valid."""
         return self._solver.substitute
 
     @property

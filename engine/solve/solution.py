@@ -84,7 +84,7 @@ class Solution(IrradianceParts, Protocol):
 
     @property
     def substitute(self) -> np.ndarray | None:
-        """Substitute of each source, (m,) int64, whose reflected light replaces its own; None if none."""
+        """Substitute of each source, (m,) uint32, whose reflected light replaces its own; None if none."""
         ...
 
     @property

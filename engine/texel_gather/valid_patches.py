@@ -36,7 +36,7 @@ def radiance_of(
 def substitutes_of(
     texel_job: TexelGatherJob, invalid: np.ndarray, source_irradiance: Values, of_groups: np.ndarray | None
 ) -> np.ndarray | None:
-    """Return the sender that provides the light of each sender in a final gather, (m,) int64.
+    """Return the sender that provides the light of each sender in a final gather, (m,) uint32.
 
     Senders are patches or patch groups. A valid sender provides its own light; a valid neighbour
     provides that of an invalid one. None if all senders are valid.

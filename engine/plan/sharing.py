@@ -56,9 +56,9 @@ def share(
 
 
 def _traces_early(rays: RayScene, patch_scene: PatchScene, settings: Settings) -> bool:
-    """Return True if all patches will cast their rays once they have light, after work of the host.
+    """Return True if a later gather traces rays of all patches, so that other devices can trace them before.
 
-    A hit is the index of a texel without a tint, or `SKY`, 2^31 - 1; see trace_hits.cl.
+    A hit stores the index of a texel, or `SKY`, 2^31 - 1, but no tint; see trace_hits.cl.
     """
     adaptive = settings.adaptive and rays.compute.processor
     on_one = settings.visibility == "raster" or settings.directional or settings.by_light_groups or adaptive

@@ -233,7 +233,7 @@ class VisibilityCache:
         if rows.stopped:
             return
         size = self.sampling.row_bytes * (piece.last - piece.first)
-        cache = piece.hits or cl.Buffer(self.compute.context, cl.mem_flags.READ_WRITE, size)
+        cache = piece.hits or unfilled(self.compute, size)
         self.pieces.append(SampleRows(cache, piece.first, piece.last))
         for _ in sampler.find_piece(piece, self.backs.found_with(cache, piece.first)):
             yield

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..device.buffers import download_bytes, upload, upload_once, words_of
+from ..device.buffers import download_bytes, unfilled, upload, upload_once, words_of
 from ..device.cl_device import ComputeDevice
 from ..device.device_array import Values, rows_on_device
-from ..device.opencl import cl
 
 #: Relative difference from the mean of the neighbours above which irradiance has an edge.
 _EDGE = 0.1
@@ -73,7 +72,7 @@ def find_edges(compute: ComputeDevice, entries: np.ndarray, known: PatchLight) -
     atlases, side, _ = entries.shape
     blocks = -(-side // _BLOCK)
     sizes = 4 * entries.size, 4 * atlases * blocks**2, *(words_of(entries.size),) * 2
-    off, noise, marks, joined = (cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size) for size in sizes)
+    off, noise, marks, joined = (unfilled(compute, size) for size in sizes)
 
     # Compute differences from the neighbours' mean, the noise level of each block, differences above the
     # noise, and texels between.

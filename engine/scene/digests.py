@@ -40,7 +40,7 @@ class ArrayDigests:
         self._begun: dict[int, tuple[np.ndarray, list[Future[bytes]]]] = {}
 
     def begin(self, scene: Scene) -> None:
-        """Start to hash the long arrays of meshes in threads; drop those of an earlier scene."""
+        """Start to hash long arrays of meshes in threads; drop hashes begun for an earlier scene."""
         self._begun.clear()
         for array in (array for mesh in scene.meshes for array in _geometry_of(mesh)):
             known = id(array) in self._known or id(array) in self._begun

@@ -48,7 +48,7 @@ class StartLight:
 #: Seconds between two reports while a bake waits for areas, so that it can be cancelled.
 _PAUSE = 0.05
 
-#: Area of each patch, (n,) float32, m^2, or its computation in a thread; see `areas_of`.
+#: Area of each patch, (n,) float32, m^2, or the future of a thread that computes it; see `areas_of`.
 Areas = np.ndarray | Future[np.ndarray]
 
 

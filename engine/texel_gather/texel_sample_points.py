@@ -128,7 +128,7 @@ class TexelSamplePoints:
     def _with_rows(
         self, rows: np.ndarray, barycentric: np.ndarray, weight: np.ndarray, position: np.ndarray
     ) -> TexelSamples:
-        """Return samples with other values of some of them, (k,) int64; see `TexelSamples`."""
+        """Return the texel samples with new values in some rows, (k,) int64; fields as in `TexelSamples`."""
         compute, numbers, changed = self._job.opencl, rows.astype(np.uint32), dict[str, np.ndarray]()
         for name, values in (("barycentric", barycentric), ("weight", weight), ("position", position)):
             before = getattr(self.samples, name)

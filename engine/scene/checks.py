@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
 from ..errors import SceneError
 from .cutouts import is_tinted_material, transmission_maps, transmittances
+from .mesh_groups import joined, mesh_boxes, mesh_groups
 from .model import LIGHT_KINDS, NO_LIGHTMAP, Light, Material, Mesh, Scene
 from .probe_volume import MAX_PROBES, ProbeVolume, volume_issue
 from .profile import check_profile
 from .reflection_sphere import ReflectionSphere, sphere_issue
 from .texture import Texture
 from .transmission import Transmittance
-from .triangles import bounding_box
 
 #: Maximum radiance, W/(m^2 sr); sums of larger values overflow float32.
 MAX_RADIANCE = 1e30
@@ -58,9 +58,8 @@ def check_scene(scene: Scene) -> None:
         raise SceneError(
             "The scene has no mesh with faces to bake. Add a mesh object, or enable one in renders."
         )
-    for mesh in scene.meshes:
-        check_mesh(mesh)
-        check_references(mesh, scene)
+    check_meshes(scene.meshes)
+    check_references(scene)
     check_size(scene)
     for material in scene.materials:
         check_material(material)
@@ -74,7 +73,7 @@ def check_scene(scene: Scene) -> None:
 def check_size(scene: Scene) -> None:
     """Raise SceneError with an object's name if the scene is too large or too small for float32."""
     meshes = [mesh for mesh in scene.meshes if len(mesh.positions)]
-    low, high = np.transpose([bounding_box(mesh.positions) for mesh in meshes], (1, 0, 2))
+    low, high = mesh_boxes(meshes)
     reach = np.maximum(-low, high).max(axis=1)
     farthest = int(reach.argmax())
     if reach[farthest] > LARGEST:
@@ -105,62 +104,122 @@ def check_world(world: np.ndarray) -> None:
         raise SceneError(f"The world's radiance is {_NO_LIGHT}. Correct its color and strength.")
 
 
-def check_mesh(mesh: Mesh) -> None:
-    """Raise SceneError if a mesh has invalid coordinates, normals, face order or UVs."""
-    if not np.isfinite(mesh.positions).all():
-        raise SceneError(
-            f"Object '{mesh.name}' has NaN or infinite vertex coordinates. "
-            "Delete those vertices, or check the modifiers and the object's scale."
-        )
-    if not np.isfinite(mesh.normals).all():
-        raise SceneError(
-            f"Object '{mesh.name}' has NaN or infinite normals. "
-            "Clear its custom normals, or check the object's scale."
-        )
-    face, subface = np.diff(mesh.face), np.diff(mesh.subface)
-    ordered = not ((face < 0).any() or (subface[face == 0] <= 0).any())
-    if not ordered or mesh.face.min(initial=0) < 0 or mesh.subface.min(initial=0) < 0:
-        raise SceneError(
-            f"The triangles of object '{mesh.name}' are not in the order of its polygons. "
-            "Sort them by face, then by subface."
-        )
-    if mesh.atlas != NO_LIGHTMAP:
-        check_lightmap_uvs(mesh)
+def check_meshes(meshes: Sequence[Mesh]) -> None:
+    """Raise SceneError if a mesh has invalid coordinates, normals, face order or lightmap UVs."""
+    for group in mesh_groups(meshes):
+        if any(is_faulty(group) for is_faulty, _ in _FAULTS):
+            for mesh in group:
+                for is_faulty, message in _FAULTS:
+                    if is_faulty([mesh]):
+                        raise SceneError(message.format(mesh.name))
 
 
-def check_references(mesh: Mesh, scene: Scene) -> None:
+def check_references(scene: Scene) -> None:
     """Raise SceneError if a mesh refers to an atlas, material or UV map that does not exist."""
-    if not (mesh.atlas == NO_LIGHTMAP or 0 <= mesh.atlas < len(scene.atlases)):
+    for mesh in scene.meshes:
+        if not (mesh.atlas == NO_LIGHTMAP or 0 <= mesh.atlas < len(scene.atlases)):
+            raise SceneError(
+                f"Object '{mesh.name}' refers to atlas {mesh.atlas}, but the scene has {len(scene.atlases)}. "
+                "Use one of these."
+            )
+    for group in mesh_groups(scene.meshes):
+        if not _has_materials(group, len(scene.materials)):
+            for mesh in group:
+                _check_materials(mesh, len(scene.materials))
+    textures = {index: found for index, each in enumerate(scene.materials) if (found := _textures(each))}
+    if textures:
+        for mesh in scene.meshes:
+            _check_uv_maps(mesh, scene.materials, textures)
+
+
+def _has_materials(meshes: Sequence[Mesh], count: int) -> bool:
+    """Return True if all triangles refer to one of `count` materials."""
+    numbers = joined(meshes, "material")
+    return bool(numbers.min(initial=0) >= 0 and numbers.max(initial=-1) < count)
+
+
+def _check_materials(mesh: Mesh, count: int) -> None:
+    """Raise SceneError if a mesh refers to a material beyond the `count` of the scene."""
+    if not _has_materials([mesh], count):
         raise SceneError(
-            f"Object '{mesh.name}' refers to atlas {mesh.atlas}, but the scene has {len(scene.atlases)}. "
-            "Use one of these."
+            f"Object '{mesh.name}' refers to materials {mesh.material.min()} to {mesh.material.max()}, but "
+            f"the scene has {count}. Assign one of these to its faces."
         )
-    least, most = (int(end()) if len(mesh.material) else 0 for end in (mesh.material.min, mesh.material.max))
-    if len(mesh.material) and not 0 <= least <= most < len(scene.materials):
-        raise SceneError(
-            f"Object '{mesh.name}' refers to materials {least} to {most}, but the scene has "
-            f"{len(scene.materials)}. Assign one of these to its faces."
-        )
-    for material in (scene.materials[index] for index in np.flatnonzero(np.bincount(mesh.material))):
-        for texture in _textures(material):
+
+
+def _check_uv_maps(
+    mesh: Mesh, materials: Sequence[Material], textures: Mapping[int, Sequence[Texture]]
+) -> None:
+    """Raise SceneError if a mesh lacks the UV map of a texture; textures: those of materials with any."""
+    for index in np.flatnonzero(np.bincount(mesh.material)):
+        for texture in textures.get(int(index), ()):
             if texture.uv_map not in mesh.texture_uvs:
                 raise SceneError(
                     f"Object '{mesh.name}' has no UV map '{texture.uv_map}', which texture '{texture.name}' "
-                    f"of material '{material.name}' uses. Add the UV map, or choose another one."
+                    f"of material '{materials[index].name}' uses. Add the UV map, or choose another one."
                 )
 
 
-def check_lightmap_uvs(mesh: Mesh) -> None:
-    """Raise SceneError if lightmap UVs are not finite or lie outside the lightmap."""
-    if not np.isfinite(mesh.uvs).all():
-        raise SceneError(
-            f"Object '{mesh.name}' has NaN or infinite lightmap UVs. Unwrap its lightmap UVs again."
-        )
-    if len(mesh.uvs) and (mesh.uvs.min() < -UV_TOLERANCE or mesh.uvs.max() > 1 + UV_TOLERANCE):
-        raise SceneError(
-            f"Object '{mesh.name}' has lightmap UVs outside 0-1. "
-            "Pack its UV islands into the unit square, or delete the lightmap UV layer for a new one."
-        )
+def _has_infinite(name: str) -> Callable[[Sequence[Mesh]], bool]:
+    """Return a function that finds NaN and infinite values in an array of meshes."""
+    return lambda meshes: not np.isfinite(joined(meshes, name)).all()
+
+
+def _is_unordered(meshes: Sequence[Mesh]) -> bool:
+    """Return True if triangles of a mesh are not in the order of face, then subface."""
+    face, subface = joined(meshes, "face"), joined(meshes, "subface")
+    if face.min(initial=0) < 0 or subface.min(initial=0) < 0:
+        return True
+    is_inner = np.ones(len(face), bool)
+    is_inner[np.cumsum([len(mesh.face) for mesh in meshes]) - 1] = False
+    step, substep = np.diff(face), np.diff(subface)
+    return bool((((step < 0) | ((step == 0) & (substep <= 0))) & is_inner[:-1]).any())
+
+
+def _mapped(meshes: Sequence[Mesh]) -> list[Mesh]:
+    """Return the meshes with a lightmap."""
+    return [mesh for mesh in meshes if mesh.atlas != NO_LIGHTMAP]
+
+
+def _has_infinite_uvs(meshes: Sequence[Mesh]) -> bool:
+    """Return True if lightmap UVs are not finite."""
+    mapped = _mapped(meshes)
+    return bool(mapped) and not np.isfinite(joined(mapped, "uvs")).all()
+
+
+def _is_outside(meshes: Sequence[Mesh]) -> bool:
+    """Return True if lightmap UVs lie outside the lightmap."""
+    mapped = _mapped(meshes)
+    if not mapped:
+        return False
+    uvs = joined(mapped, "uvs")
+    return bool(uvs.min(initial=0) < -UV_TOLERANCE or uvs.max(initial=1) > 1 + UV_TOLERANCE)
+
+
+#: Faults of meshes: a function that returns True if one of several meshes has it, and its message
+#: with the name of the object.
+_FAULTS: tuple[tuple[Callable[[Sequence[Mesh]], bool], str], ...] = (
+    (
+        _has_infinite("positions"),
+        "Object '{}' has NaN or infinite vertex coordinates. "
+        "Delete those vertices, or check the modifiers and the object's scale.",
+    ),
+    (
+        _has_infinite("normals"),
+        "Object '{}' has NaN or infinite normals. Clear its custom normals, or check the object's scale.",
+    ),
+    (
+        _is_unordered,
+        "The triangles of object '{}' are not in the order of its polygons. "
+        "Sort them by face, then by subface.",
+    ),
+    (_has_infinite_uvs, "Object '{}' has NaN or infinite lightmap UVs. Unwrap its lightmap UVs again."),
+    (
+        _is_outside,
+        "Object '{}' has lightmap UVs outside 0-1. "
+        "Pack its UV islands into the unit square, or delete the lightmap UV layer for a new one.",
+    ),
+)
 
 
 def check_material(material: Material) -> None:

@@ -24,7 +24,10 @@ from .unmapped_meshes import BACKS, place_meshes, place_unmapped, texel_size
 FindVisible = Callable[[Scene, np.ndarray, float], np.ndarray]
 
 #: Order of a triangle's corners seen from its back.
-_FLIPPED = [0, 2, 1]
+_FLIPPED = np.array([0, 2, 1])
+
+#: Number of triangles below which one operation of NumPy is faster than one for each corner.
+_FEW = 1 << 10
 
 
 def with_places(
@@ -96,13 +99,12 @@ def place_backs(scene: Scene, is_chosen: np.ndarray, resolution: int, texel: flo
         coarse, mirrored = is_chosen[first:last], translucent[mesh.material]
         index = np.arange(first, last, dtype=np.int32)
         if coarse.any():
-            backs.append(replace(_flipped(_part(mesh, coarse), index[coarse], numbers), atlas=NO_LIGHTMAP))
+            backs.append(_flipped(_part(mesh, coarse), index[coarse], numbers, NO_LIGHTMAP))
         if mirrored.any():
             if mesh.atlas not in mirrors:
                 mirrors[mesh.atlas] = len(names)
                 names.append("(translucent backs)")
-            back = _flipped(mesh.subset(mirrored), index[mirrored], numbers)
-            backs.append(replace(back, atlas=mirrors[mesh.atlas]))
+            backs.append(_flipped(mesh.subset(mirrored), index[mirrored], numbers, mirrors[mesh.atlas]))
         first = last
     if not backs:
         return scene
@@ -153,8 +155,8 @@ def _turned(passed: Transmission) -> Transmission:
     return Transmission(shadow, bounce, passed.shadow, passed.bounce)
 
 
-def _flipped(mesh: Mesh, index: np.ndarray, materials: np.ndarray) -> Mesh:
-    """Return the back faces of a mesh.
+def _flipped(mesh: Mesh, index: np.ndarray, materials: np.ndarray, atlas: int) -> Mesh:
+    """Return the back faces of a mesh, in an atlas.
 
     index:      (t,) int32, indices of the mesh's triangles in the scene
     materials:  (m,) int32, material of the back face for each material
@@ -166,12 +168,15 @@ def _flipped(mesh: Mesh, index: np.ndarray, materials: np.ndarray) -> Mesh:
         uvs=_in_opposite_order(mesh.uvs),
         material=materials[mesh.material],
         texture_uvs={name: _in_opposite_order(uvs) for name, uvs in mesh.texture_uvs.items()},
+        atlas=atlas,
         front=index,
     )
 
 
 def _in_opposite_order(corners: np.ndarray) -> np.ndarray:
     """Return values of corners, (t, 3, c), in the opposite order."""
+    if len(corners) < _FEW:
+        return corners.take(_FLIPPED, axis=1)
     flipped = np.empty(corners.shape, corners.dtype)
 
     def flip(rows: slice) -> None:

@@ -7,14 +7,15 @@ square block of texels; smaller ones of like position, direction and material sh
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..array_ops import joined_rows, map_blocks, order_of, run_numbers, run_starts, taken
+from ..scene.mesh_groups import joined, mesh_boxes, mesh_groups
 from ..scene.model import NO_LIGHTMAP, Mesh, Scene
-from ..scene.triangles import Triangles, bounding_box
+from ..scene.triangles import Triangles
 
 #: World size of a texel of an occluder, in texels of the lightmaps.
 COARSENESS = 4.0
@@ -116,21 +117,24 @@ def place_meshes(scene: Scene, resolution: int, name: str, texel: float, blocks:
         size = _fine_size(shapes.width, coarsest, _FINE_BACKS * _chart_texels(scene, resolution))
     atlas, texels = _pack(_fitting_places(shapes, side * side, size), side, blocks)
     atlas += len(scene.atlases)
-    ends = np.cumsum([len(mesh.positions) for mesh in meshes])[:-1]
-    parts = zip(np.split(atlas, ends), np.split(texels / np.float32(resolution), ends), strict=True)
+    uvs = texels / np.float32(resolution)
     placed: list[Mesh] = []
+    last = 0
     for mesh in scene.meshes:
-        if mesh.atlas == NO_LIGHTMAP and len(mesh.positions):
-            placed += _in_atlases(mesh, *next(parts))
+        if mesh.atlas != NO_LIGHTMAP:
+            placed.append(mesh)
+        elif not len(mesh.positions):
+            placed.append(replace(mesh, atlas=0))
         else:
-            placed.append(replace(mesh, atlas=max(mesh.atlas, 0)))
+            first, last = last, last + len(mesh.positions)
+            placed += _in_atlases(mesh, atlas[first:last], uvs[first:last])
     names = [name] * (int(atlas.max()) + 1 - len(scene.atlases))
     return replace(scene, meshes=tuple(placed), atlases=(*scene.atlases, *names))
 
 
 def _in_atlases(mesh: Mesh, atlas: np.ndarray, uvs: np.ndarray) -> list[Mesh]:
     """Split a mesh by the atlas of its triangles, (t,), with UVs, (t, 3, 2): return one mesh per atlas."""
-    if (atlas == atlas[0]).all():
+    if atlas[0] == atlas[-1] and (atlas == atlas[0]).all():
         return [replace(mesh, uvs=uvs, atlas=int(atlas[0]))]
     mesh = replace(mesh, uvs=uvs)
     return [replace(mesh.subset(atlas == index), atlas=int(index)) for index in np.unique(atlas)]
@@ -138,9 +142,8 @@ def _in_atlases(mesh: Mesh, atlas: np.ndarray, uvs: np.ndarray) -> list[Mesh]:
 
 def _largest_extent(meshes: list[Mesh]) -> float:
     """Return the largest extent of meshes along an axis, m."""
-    boxes = [bounding_box(mesh.positions) for mesh in meshes]
-    low, high = np.min([box[0] for box in boxes], axis=0), np.max([box[1] for box in boxes], axis=0)
-    return float((high - low).max())
+    low, high = mesh_boxes(meshes)
+    return float((high.max(axis=0) - low.min(axis=0)).max())
 
 
 def _shapes(meshes: list[Mesh], blocks: Blocks) -> _Shapes:
@@ -208,9 +211,8 @@ def _fitting_places(shapes: _Shapes, capacity: int, size: float) -> _Places:
 def texel_size(scene: Scene, resolution: int) -> float:
     """Return the mean world size of a lightmap texel, m; 0 if nothing has a lightmap."""
     world, charts = 0.0, _doubled_charts(scene)
-    for mesh in scene.meshes:
-        if mesh.atlas != NO_LIGHTMAP:
-            world += float(triangle_areas(mesh.positions).sum(dtype=np.float64))
+    for meshes in _mapped_groups(scene):
+        world += float(triangle_areas(joined(meshes, "positions")).sum(dtype=np.float64))
     return float(np.sqrt(2 * world / charts)) / resolution if charts > 0 else 0.0
 
 
@@ -222,10 +224,14 @@ def _chart_texels(scene: Scene, resolution: int) -> float:
 def _doubled_charts(scene: Scene) -> float:
     """Return twice the total area of all charts, as a fraction of a lightmap's area."""
     charts = 0.0
-    for mesh in scene.meshes:
-        if mesh.atlas != NO_LIGHTMAP:
-            charts += float(_doubled_areas(mesh.uvs).sum(dtype=np.float64))
+    for meshes in _mapped_groups(scene):
+        charts += float(_doubled_areas(joined(meshes, "uvs")).sum(dtype=np.float64))
     return charts
+
+
+def _mapped_groups(scene: Scene) -> Iterator[Sequence[Mesh]]:
+    """Return the groups of meshes with a lightmap."""
+    return mesh_groups([mesh for mesh in scene.meshes if mesh.atlas != NO_LIGHTMAP])
 
 
 def _doubled_areas(uvs: np.ndarray) -> np.ndarray:

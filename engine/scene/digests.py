@@ -42,7 +42,8 @@ class ArrayDigests:
     def begin(self, scene: Scene) -> None:
         """Start to hash long arrays of meshes in threads; drop hashes begun for an earlier scene."""
         self._begun.clear()
-        for array in (array for mesh in scene.meshes for array in _geometry_of(mesh)):
+        meshes = [mesh for mesh in scene.meshes if mesh.positions.nbytes > _PIECE]
+        for array in (array for mesh in meshes for array in _geometry_of(mesh)):
             known = id(array) in self._known or id(array) in self._begun
             if array.nbytes > _PIECE and not known:
                 self._begun[id(array)] = array, _hashes(array)
@@ -77,6 +78,16 @@ class _Digest:
             else:
                 self._digest.update(repr(value).encode())
 
+    def feed_mesh(self, mesh: Mesh) -> None:
+        """Add what a geometry digest covers of a mesh, in few calls: scenes may have many small meshes."""
+        arrays = _geometry_of(mesh)
+        if mesh.front is not None:
+            arrays.append(mesh.front)
+        types = [(array.shape, array.dtype.str) for array in arrays]
+        parts = [array.tobytes() if array.nbytes <= _PIECE else self._of_long(array) for array in arrays]
+        head = repr((mesh.name, mesh.atlas, mesh.front is None, types)).encode()
+        self._digest.update(b"".join([head, *parts]))
+
     def feed_uvs(self, mesh: Mesh, textures: Iterable[Texture | None]) -> None:
         """Add the UV maps of a mesh that the textures use."""
         needed = {texture.uv_map for texture in textures if texture is not None}
@@ -104,8 +115,8 @@ def geometry_digest(scene: Scene, known: ArrayDigests | None = None) -> bytes:
     digest.feed([len(scene.atlases), len(scene.meshes), len(scene.materials)])
     maps = [texture for material in scene.materials for texture in transmission_maps(material)]
     for mesh in scene.meshes:
-        digest.feed([mesh.name, mesh.atlas, mesh.front, *_geometry_of(mesh)])
-        if mesh.front is None:
+        digest.feed_mesh(mesh)
+        if maps and mesh.front is None:
             digest.feed_uvs(mesh, maps)
     for material in scene.materials:
         entries = transmittances(material.transmission)

@@ -133,6 +133,8 @@ def _open_meshes(scene: Scene, chosen: np.ndarray) -> list[int]:
 def _passes_light(scene: Scene) -> np.ndarray:
     """Return a mask of the meshes with a material that transmits light, (m,) bool."""
     passes = np.array([each.translucent or _passes(each.transmission) for each in scene.materials], bool)
+    if not passes.any():
+        return np.zeros(len(scene.meshes), bool)
     return np.array([passes[mesh.material].any() for mesh in scene.meshes], bool)
 
 

@@ -25,8 +25,9 @@ from ..visibility.views.directions import r2_sequence
 _DARK = 0.02
 
 #: Number of evenly spaced patches that show which objects are surely not dark, the multiple of the limit that
-#: the mean of an object's sampled patches must exceed, and the minimum number of these patches (chosen).
-_SAMPLED, _SURELY, _FEWEST = 1 << 16, 4.0, 16
+#: the mean of an object's sampled patches must exceed, and the minimum number of these patches. From _ENOUGH
+#: sampled patches on, their mean stands for that of all patches of the object (chosen).
+_SAMPLED, _SURELY, _FEWEST, _ENOUGH = 1 << 16, 4.0, 16, 1 << 12
 
 #: Minimum light of lit back faces as a fraction of the scene's light (chosen).
 _LIT = 0.1
@@ -74,10 +75,14 @@ def warn_lit_back_faces(scene: Scene, job: SolveJob, irradiance: Values, atlases
     examined &= _may_be_dark(count, total, level)
     if not examined.any():
         return []
-    chosen = np.flatnonzero(taken(examined[triangles.mesh], patches))
-    of_chosen = triangles.mesh[taken(patches, chosen)]
-    count, total = _light_of_meshes(of_chosen, luminance(values_at(irradiance, chosen)), meshes)
-    dark = _open_meshes(scene, np.flatnonzero((count > 0) & (total <= _DARK * level * count)))
+    unsure = examined & (count < _ENOUGH)
+    if unsure.any():
+        chosen = np.flatnonzero(taken(unsure[triangles.mesh], patches))
+        of_chosen = triangles.mesh[taken(patches, chosen)]
+        light = luminance(values_at(irradiance, chosen))
+        all_count, all_total = _light_of_meshes(of_chosen, light, meshes)
+        count, total = np.where(unsure, all_count, count), np.where(unsure, all_total, total)
+    dark = _open_meshes(scene, np.flatnonzero(examined & (count > 0) & (total <= _DARK * level * count)))
     if not dark:
         return []
     lit = _BackLight(scene, job, colors_on_host(irradiance))

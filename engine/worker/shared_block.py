@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import math
-import os
-import sys
-from multiprocessing import resource_tracker
 from multiprocessing.shared_memory import SharedMemory
-from pathlib import Path
 from typing import Any, Self
 
-from ..errors import WorkerError
 from . import messages
+from .shared_memory import attach_memory, create_memory
 
 
 class SharedBlock:
@@ -19,7 +14,7 @@ class SharedBlock:
 
     def __init__(self, parcel: messages.PackedMessage) -> None:
         """Store the object in `parcel`; raise WorkerError if memory is short."""
-        self._memory: SharedMemory | None = _create(parcel.size)
+        self._memory: SharedMemory | None = create_memory(parcel.size)
         parcel.write(_view(self._memory))
 
     def __enter__(self) -> Self:
@@ -44,7 +39,7 @@ class SharedBlock:
         Raises WorkerError if memory is short; the block is removed then too.
         """
         self._remove()
-        self._memory = _create(size)
+        self._memory = create_memory(size)
 
     def _remove(self) -> None:
         """Remove the block if there is one, so that another one has its space."""
@@ -59,7 +54,7 @@ class BorrowedBlock:
 
     def __init__(self, name: str) -> None:
         """Open the block with a name."""
-        self._memory = _attach(name)
+        self._memory = attach_memory(name)
 
     def __enter__(self) -> Self:
         return self
@@ -84,48 +79,6 @@ class BorrowedBlock:
         return True
 
 
-def _create(size: int) -> SharedMemory:
-    """Create a block; test for space first, since Linux kills a process that writes without it."""
-    if size > _room():
-        raise _no_room(size)
-    try:
-        return SharedMemory(create=True, size=size)
-    except OSError as error:
-        raise _no_room(size) from error
-
-
-def _room() -> float:
-    """Return the free shared memory, bytes; infinity if unknown."""
-    if sys.platform != "linux" or not Path("/dev/shm").exists():
-        return math.inf
-    room = os.statvfs("/dev/shm")
-    return room.f_bavail * room.f_frsize if room.f_blocks else math.inf
-
-
 def _view(memory: SharedMemory | None) -> memoryview:
     assert memory is not None and memory.buf is not None
     return memory.buf
-
-
-def _attach(name: str) -> SharedMemory:
-    """Open a block without registering it for removal.
-
-    Before Python 3.13 introduced `track`, opening a block also registered it with the resource tracker
-    (python/cpython#82300), which would remove it from the parent and print a warning.
-    """
-    if sys.version_info >= (3, 13):
-        return SharedMemory(name, track=False)
-    register = resource_tracker.register
-    resource_tracker.register = lambda name, rtype: None
-    try:
-        return SharedMemory(name)
-    finally:
-        resource_tracker.register = register
-
-
-def _no_room(size: int) -> WorkerError:
-    enlarge = ", or enlarge /dev/shm" if sys.platform == "linux" else ""
-    return WorkerError(
-        f"There is no room for {size / 2**20:.0f} MiB of shared memory. Lower the resolution, or close other "
-        f"programs{enlarge}."
-    )

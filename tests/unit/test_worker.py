@@ -21,7 +21,7 @@ from engine.errors import DeviceError, SceneError, SettingsError, WorkerCrashErr
 from engine.object_message import ObjectMessage, object_message
 from engine.scene.model import Material, Mesh, Scene
 from engine.settings import Settings
-from engine.worker import child, messages, shared_block
+from engine.worker import child, messages, shared_block, shared_memory
 from engine.worker import process as worker_process
 from engine.worker.messages import PackedMessage
 from engine.worker.worker import Worker, bake_without_crashing_device
@@ -44,7 +44,7 @@ class RecordedMemory(SharedMemory):
 @pytest.fixture
 def start(monkeypatch, capfd, tmp_path):
     """Start workers on the bakes of `worker_bakes.py`; afterwards nothing of them may be left."""
-    monkeypatch.setattr(shared_block, "SharedMemory", RecordedMemory)
+    monkeypatch.setattr(shared_memory, "SharedMemory", RecordedMemory)
     monkeypatch.setattr(RecordedMemory, "names", [])
     monkeypatch.syspath_prepend(str(HERE))
     workers = []
@@ -476,9 +476,9 @@ time.sleep(60)
 PARENT = """
 import sys
 from test_worker import RecordedMemory, SETTINGS, _first, _scene
-from engine.worker import shared_block
+from engine.worker import shared_memory
 from engine.worker.worker import Worker
-shared_block.SharedMemory = RecordedMemory
+shared_memory.SharedMemory = RecordedMemory
 worker = Worker(bake="worker_bakes:endless")
 job = worker.bake(_scene(atlases=(sys.argv[1],)), SETTINGS)
 _first(job)
@@ -581,17 +581,17 @@ def test_memory_that_is_not_there_is_refused(start):
 
 @pytest.mark.parametrize("size", [101, 70_001])
 def test_a_block_is_removed_before_its_successor_is_made(size, monkeypatch):
-    create, before = shared_block._create, []
+    create, before = shared_block.create_memory, []
     with shared_block.SharedBlock(PackedMessage(bytes(9973))) as block:
         first = block.name
 
         def create_alone(wanted):
             with pytest.raises(FileNotFoundError):
-                shared_block._attach(first)
+                shared_memory.attach_memory(first)
             before.append(wanted)
             return create(wanted)
 
-        monkeypatch.setattr(shared_block, "_create", create_alone)
+        monkeypatch.setattr(shared_block, "create_memory", create_alone)
         block.grow(size)
         assert before == [size]
         with shared_block.BorrowedBlock(block.name) as borrowed:
@@ -600,7 +600,7 @@ def test_a_block_is_removed_before_its_successor_is_made(size, monkeypatch):
 
 def test_a_block_without_room_for_its_successor_ends_without_another_error(monkeypatch):
     with shared_block.SharedBlock(PackedMessage("text")) as block:
-        monkeypatch.setattr(shared_block, "_room", lambda: 0)
+        monkeypatch.setattr(shared_memory, "_room", lambda: 0)
         with pytest.raises(WorkerError, match="no room"):
             block.grow(1 << 20)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache, reduce
+from functools import cache, cached_property, reduce
 from itertools import pairwise
 
 import numpy as np
@@ -95,8 +95,56 @@ def take_rows(values: np.ndarray, chosen: np.ndarray | slice) -> np.ndarray:
 
 
 def joined_rows(parts: list[np.ndarray]) -> np.ndarray:
-    """Concatenate arrays along the rows; return a single array without a copy."""
-    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+    """Concatenate arrays along the rows; a single array, or adjacent ones of a block, are not copied."""
+    if len(parts) == 1:
+        return parts[0]
+    view = adjacent_rows(parts)
+    return np.concatenate(parts) if view is None else view
+
+
+class JoinedRows:
+    """Rows of several arrays, one after another, of which only chosen ones are copied.
+
+    parts:  (n, ...) arrays of one shape and type but for their lengths
+    """
+
+    def __init__(self, parts: list[np.ndarray]) -> None:
+        self._parts = parts
+
+    def take(self, numbers: np.ndarray, axis: int = 0) -> np.ndarray:
+        """Return the rows at indices, (k,) >= 0: (k, ...)."""
+        assert axis == 0
+        rows = np.empty((len(numbers), *self._parts[0].shape[1:]), self._parts[0].dtype)
+        first, low, high = 0, numbers.min(initial=1 << 30), numbers.max(initial=0)
+        for part in self._parts:
+            end = first + len(part)
+            if first <= low and high < end:
+                return part.take(numbers - first, axis=0)
+            here = np.flatnonzero((numbers >= first) & (numbers < end))
+            rows[here] = part.take(numbers[here] - first, axis=0)
+            first = end
+        return rows
+
+    @cached_property
+    def whole(self) -> np.ndarray:
+        """All rows, (n, ...)."""
+        return np.concatenate(self._parts)
+
+
+def adjacent_rows(parts: list[np.ndarray]) -> np.ndarray | None:
+    """Return a view of arrays that follow each other in one block of bytes; None if they do not."""
+    block = parts[0].base
+    if not isinstance(block, np.ndarray) or block.dtype != np.uint8 or block.ndim != 1:
+        return None
+    shape, dtype, first = parts[0].shape[1:], parts[0].dtype, parts[0].ctypes.data
+    end, rows = first, 0
+    for part in parts:
+        is_next = part.base is block and part.flags.c_contiguous and part.ctypes.data == end
+        if not is_next or part.shape[1:] != shape or part.dtype != dtype:
+            return None
+        end, rows = end + part.nbytes, rows + len(part)
+    start = block.ctypes.data
+    return block[first - start : end - start].view(dtype).reshape(rows, *shape)
 
 
 def has_nonzero(values: np.ndarray) -> bool:
@@ -194,14 +242,14 @@ def range_members(firsts: np.ndarray, counts: np.ndarray) -> np.ndarray:
 
 
 def run_counts(keys: np.ndarray, most: int) -> np.ndarray:
-    """Return the histogram of keys below `most`, (most,) int64; fast if equal keys are adjacent."""
+    """Return the histogram of keys below `most`, (most,) int32; fast if equal keys are adjacent."""
 
     def ends(slab: slice) -> np.ndarray:
         return keys[slab.start + 1 : slab.stop + 1] != keys[slab]
 
     later = indices_where(max(len(keys) - 1, 0), 2 * keys.itemsize, ends) + 1
     starts = np.append(np.zeros(min(len(keys), 1), np.int64), later)
-    counts: np.ndarray = np.bincount(keys[starts], np.diff(starts, append=len(keys)), most).astype(np.int64)
+    counts: np.ndarray = np.bincount(keys[starts], np.diff(starts, append=len(keys)), most).astype(np.int32)
     return counts
 
 

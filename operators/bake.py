@@ -94,7 +94,12 @@ class HEMIBAKE_OT_bake(ModalBake, bpy.types.Operator):
         """Start a run in the worker process; `modal` continues it."""
         last_failure.forget()
         warm_up()
-        run = BakeRun(context, owner.bake_in_worker(), made_uvs=lambda: push_undo("Make Lightmap UVs"))
+        run = BakeRun(
+            context,
+            owner.bake_in_worker(),
+            made_uvs=lambda: push_undo("Make Lightmap UVs"),
+            in_worker=True,
+        )
         self._window, self._began = _BakeInWindow(context, run), time.time()
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}

@@ -85,6 +85,7 @@ class BakeRun:
     bake:        the engine's bake function, or one that bakes in a worker
     watched:     False to show no intermediate lightmaps
     made_uvs:    called after lightmap UVs were made; it must add an undo step before anything else happens
+    in_worker:   True if `bake` bakes in a worker, which then maps the meshes that this process reads
     findings:    findings of the check of the scene, once it is finished
     failure:     reason why the lightmaps could not be written; None if they were
     uvs_undone:  True if an undo removed the lightmap UVs of all objects to bake, so that the bake is useless
@@ -96,8 +97,9 @@ class BakeRun:
         bake: Callable[[Scene, Settings], Bake],
         watched: bool = True,
         made_uvs: Callable[[], None] = lambda: None,
+        in_worker: bool = False,
     ) -> None:
-        self._context, self._bake = SceneContext(context), bake
+        self._context, self._bake, self._in_worker = SceneContext(context), bake, in_worker
         self._watched, self._made_uvs = watched, made_uvs
         self._changes = Rollback()
         self._images: ProgressImages | None = None
@@ -210,9 +212,10 @@ class BakeRun:
             *made.notes,
             *_missing([name for uid, name in wanted.items() if uid not in visible]),
         ]
-        self._read = yield from self._stages.include(
-            self._stages.reading, read_scene(context, usable, layer, resolution, notes, owner.paces, hurried)
+        reading = read_scene(
+            context, usable, layer, resolution, notes, owner.paces, hurried, shared=self._in_worker
         )
+        self._read = yield from self._stages.include(self._stages.reading, reading)
         whole = self._target == "ALL"
         size = settle_width(self._read.scene, context, size, self._unwraps, whole, self._changes)
         self._read = replace(self._read, notes=(*self._read.notes, *size.notes))

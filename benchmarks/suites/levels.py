@@ -93,7 +93,7 @@ def case(triangles: int, texels: int, instances: int, bakes: bool) -> dict[str, 
             return owner.bake_in_worker()(scene, settings)
 
         with ProcessMemory() as memory:
-            run = bake_run.BakeRun(bpy.context, bake, watched=False)
+            run = bake_run.BakeRun(bpy.context, bake, watched=False, in_worker=True)
             try:
                 result = run.run_to_end(lambda progress: memory.begin(progress.stage))
                 memory.begin("Saving")

@@ -66,7 +66,7 @@ def chart_edges(triangles: Triangles, atlases: int, resolution: int) -> ChartEdg
     opposite = triangles.uvs[triangle, (corner + 2) % 3].astype(np.float64) * resolution
     edges = ChartEdges(
         triangles.positions[ends],
-        triangles.normals[ends],
+        np.take_along_axis(triangles.normals.take(triangle, axis=0), ends[1][..., None], axis=1),
         texels,
         _outward(texels, opposite),
         triangles.atlas[triangle],

@@ -25,7 +25,7 @@ class ChartTexels:
 
     names:        names of the meshes
     patches:      patches of the texels whose centres are covered
-    on_triangle:  (t,) int64, number of patches on each triangle
+    on_triangle:  (t,) int32, number of patches on each triangle
     entries:      (atlases, r, r) uint32, the patch + 1 of each texel, 0 for none
     border:       all other texels that a triangle touches
     warnings:     messages for the user

@@ -7,27 +7,34 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from ..array_ops import map_blocks, run_counts, take_rows
+from ..array_ops import JoinedRows, map_blocks, run_counts, take_rows
 from ..scene.triangles import Triangles
 from .patch_list import PatchList
 
 #: Patches that are interpolated at once; fits into the CPU caches.
 _BLOCK = 1 << 14
 
+#: Number of triangles from which on texel steps are computed at use (chosen): of the triangles of a large
+#: scene few have patches.
+_LARGE = 1 << 19
+
 
 @dataclass(frozen=True)
 class TexelSteps:
     """World-space steps of one texel on each triangle.
 
-    edge_u:     (t, 3) float32, m, step of one texel along u
-    edge_v:     (t, 3) float32, m, step of one texel along v
-    geometric:  (t, 3) float32, unit geometric normal
-    area:       (t,) float32, m^2, area of one texel
-    whole:      (t,) float32, m^2, area of the triangle
+    triangles:   triangles of the scene
+    resolution:  width of the lightmaps, texels
+    edges:       steps of one texel along u and v, m, two (t, 3) float32; None in a large scene, where `of`
+                 computes those of the triangles that need them
+    geometric:   (t, 3) float32, unit geometric normal
+    area:        (t,) float32, m^2, area of one texel
+    whole:       (t,) float32, m^2, area of the triangle
     """
 
-    edge_u: np.ndarray
-    edge_v: np.ndarray
+    triangles: Triangles
+    resolution: int
+    edges: tuple[np.ndarray, np.ndarray] | None
     geometric: np.ndarray
     area: np.ndarray
     whole: np.ndarray
@@ -35,14 +42,25 @@ class TexelSteps:
     @cached_property
     def longer(self) -> np.ndarray:
         """Length of the longer step, (t,) float32, m."""
-        squares = (np.einsum("td,td->t", edge, edge) for edge in (self.edge_u, self.edge_v))
-        longer: np.ndarray = np.sqrt(np.maximum(*squares))
+        longer = np.empty(len(self.area), np.float32)
+
+        def measure(block: slice) -> None:
+            squares = (np.einsum("td,td->t", edge, edge) for edge in self.of(block))
+            np.sqrt(np.maximum(*squares), out=longer[block])
+
+        map_blocks(len(longer), 120, measure)
         return longer
 
-    def subset(self, chosen: np.ndarray) -> TexelSteps:
-        """Return the texel steps of some triangles, (k,) int64."""
-        arrays = self.edge_u, self.edge_v, self.geometric, self.area, self.whole
-        return TexelSteps(*(take_rows(array, chosen) for array in arrays))
+    def of(self, chosen: slice | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the steps along u and v of some triangles, a slice or indices: two (k, 3) float32, m."""
+        if self.edges is not None:
+            along_u, along_v = (take_rows(edge, chosen) for edge in self.edges)
+            return along_u, along_v
+        corners, uvs = (
+            take_rows(values, chosen) for values in (self.triangles.positions, self.triangles.uvs)
+        )
+        along_u, along_v, _ = _edges_and_normals(corners, uvs, self.resolution)
+        return np.ascontiguousarray(along_u.T), np.ascontiguousarray(along_v.T)
 
 
 class PatchGeometry:
@@ -52,7 +70,7 @@ class PatchGeometry:
     steps:        world-space texel steps of the triangles
     triangle:     (n,) int32, index into `triangles`
     barycentric:  (n, 3) float32, position on the triangle
-    counts:       (t,) int64, number of patches on each triangle; None to compute it
+    counts:       (t,) int32, number of patches on each triangle; None to compute it
     width:        width of a patch, texels
     """
 
@@ -81,7 +99,7 @@ class PatchGeometry:
 
     @cached_property
     def on_triangle(self) -> np.ndarray:
-        """Number of patches on each triangle, (t,) int64."""
+        """Number of patches on each triangle, (t,) int32."""
         return run_counts(self.triangle, len(self.triangles.mesh)) if self._counts is None else self._counts
 
     @cached_property
@@ -103,12 +121,17 @@ class PatchGeometry:
     @cached_property
     def edge_u(self) -> np.ndarray:
         """World-space step of one patch along u, (n, 3) float32, m."""
-        return scaled(self.steps.edge_u.take(self.triangle, axis=0), self.width)
+        return scaled(self._edges[0], self.width)
 
     @cached_property
     def edge_v(self) -> np.ndarray:
         """World-space step of one patch along v, (n, 3) float32, m."""
-        return scaled(self.steps.edge_v.take(self.triangle, axis=0), self.width)
+        return scaled(self._edges[1], self.width)
+
+    @cached_property
+    def _edges(self) -> tuple[np.ndarray, np.ndarray]:
+        """World-space steps of one texel along u and v, two (n, 3) float32, m."""
+        return self.steps.of(self.triangle)
 
     @cached_property
     def area(self) -> np.ndarray:
@@ -121,7 +144,7 @@ class PatchGeometry:
         material: np.ndarray = self.triangles.material.take(self.triangle, axis=0)
         return material
 
-    def _interpolated(self, corners: np.ndarray) -> np.ndarray:
+    def _interpolated(self, corners: np.ndarray | JoinedRows) -> np.ndarray:
         """Interpolate corner values, (t, 3, 3), at the patches: (n, 3) float32."""
         values = np.empty((len(self.triangle), 3), np.float32)
         for first in range(0, len(values), _BLOCK):
@@ -147,31 +170,45 @@ def scaled(values: np.ndarray, factor: float) -> np.ndarray:
 def texel_steps(triangles: Triangles, resolution: int) -> TexelSteps:
     """Return the world-space steps of one texel on each triangle."""
     count = len(triangles.positions)
-    edge_u, edge_v, geometric = (np.empty((count, 3), np.float32) for _ in range(3))
-    steps = TexelSteps(edge_u, edge_v, geometric, np.empty(count, np.float32), np.empty(count, np.float32))
+    geometric, *stored = (np.empty((count, 3), np.float32) for _ in range(3 if count < _LARGE else 1))
+    edges = (stored[0], stored[1]) if stored else None
+    area, whole = np.empty(count, np.float32), np.empty(count, np.float32)
+    steps = TexelSteps(triangles, resolution, edges, geometric, area, whole)
 
-    map_blocks(count, 120, partial(_find_steps, triangles, resolution, steps))
+    map_blocks(count, 120, partial(_find_steps, steps))
     return steps
 
 
-def _find_steps(triangles: Triangles, resolution: int, steps: TexelSteps, block: slice) -> None:
+def _find_steps(steps: TexelSteps, block: slice) -> None:
     """Compute the steps of a block of triangles, whose intermediate values fit into the CPU's cache."""
-    corners, uvs = axes_first(triangles.positions[block]), axes_first(triangles.uvs[block])
+    triangles = steps.triangles
+    edge_u, edge_v, normal = _edges_and_normals(
+        triangles.positions[block], triangles.uvs[block], steps.resolution
+    )
+    length = _length(normal)
+    geometric = np.where(length > 1e-20, normal / np.maximum(length, 1e-20), [[0], [0], [1]])
+    steps.geometric[block] = geometric.T
+    if steps.edges is not None:
+        steps.edges[0][block], steps.edges[1][block] = edge_u.T, edge_v.T
+    # The squared area of huge texels overflows float32, so it is float64; an area beyond float32 is clamped.
+    steps.area[block] = np.minimum(
+        _length(cross(edge_u.astype(np.float64), edge_v)), np.finfo(np.float32).max
+    )
+    steps.whole[block] = length / 2
+
+
+def _edges_and_normals(
+    positions: np.ndarray, uvs: np.ndarray, resolution: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return texel steps along u and v, and normals twice as long as the area, of triangles: (3, t) each."""
+    corners, uvs = axes_first(positions), axes_first(uvs)
     first, second = (corners[:, k] - corners[:, 0] for k in (1, 2))
     (u1, v1), (u2, v2) = ((uvs[:, k] - uvs[:, 0]) * resolution for k in (1, 2))
     determinant = u1 * v2 - u2 * v1
     scale = np.where(np.abs(determinant) > 1e-12, 1.0 / np.where(determinant == 0, 1, determinant), 0.0)
     edge_u = ((v2 * first - v1 * second) * scale).astype(np.float32)
     edge_v = ((u1 * second - u2 * first) * scale).astype(np.float32)
-    normal = cross(first, second)
-    length = _length(normal)
-    geometric = np.where(length > 1e-20, normal / np.maximum(length, 1e-20), [[0], [0], [1]])
-    steps.edge_u[block], steps.edge_v[block], steps.geometric[block] = edge_u.T, edge_v.T, geometric.T
-    # The squared area of huge texels overflows float32, so it is float64; an area beyond float32 is clamped.
-    steps.area[block] = np.minimum(
-        _length(cross(edge_u.astype(np.float64), edge_v)), np.finfo(np.float32).max
-    )
-    steps.whole[block] = length / 2
+    return edge_u, edge_v, cross(first, second)
 
 
 def axes_first(corners: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..array_ops import joined_rows, map_blocks, run_starts
+from ..array_ops import JoinedRows, adjacent_rows, joined_rows, map_blocks, run_starts
 from .model import Scene
 
 #: Approximate number of triangles from which the median corner is computed.
@@ -31,7 +31,7 @@ class Triangles:
     Back faces with patches come last, as separate triangles; rays hit only their fronts.
 
     positions:  (t, 3, 3) float32, m, relative to `origin`, world axes
-    normals:    (t, 3, 3) float32, shading normals of the corners
+    normals:    (t, 3, 3) float32, shading normals of the corners; see `all_normals`
     uvs:        (t, 3, 2) float32, lightmap UV
     material:   (t,) int32
     mesh:       (t,) int32
@@ -43,7 +43,7 @@ class Triangles:
     """
 
     positions: np.ndarray
-    normals: np.ndarray
+    normals: np.ndarray | JoinedRows
     uvs: np.ndarray
     material: np.ndarray
     mesh: np.ndarray
@@ -56,6 +56,11 @@ class Triangles:
     def solid(self) -> int:
         """Number of triangles that are not back faces; they come first."""
         return len(self.mesh) if self.backs is None else len(self.backs)
+
+    @property
+    def all_normals(self) -> np.ndarray:
+        """The shading normals as one array, (t, 3, 3) float32; for few triangles use `normals.take`."""
+        return self.normals.whole if isinstance(self.normals, JoinedRows) else self.normals
 
     def in_atlas(self, atlas: int) -> slice | np.ndarray:
         """Return the triangles of an atlas: a slice if they are adjacent, else indices, (k,) int64."""
@@ -150,7 +155,7 @@ def join_meshes(scene: Scene, before: Triangles | None = None) -> Triangles:
     counts = [len(mesh.positions) for mesh in scene.meshes]
     return Triangles(
         positions=positions,
-        normals=_joined([mesh.normals for mesh in scene.meshes], np.float32),
+        normals=_normals(scene),
         uvs=_joined([mesh.uvs for mesh in scene.meshes], np.float32),
         material=_joined([mesh.material for mesh in scene.meshes], np.int32),
         mesh=np.repeat(np.arange(len(counts), dtype=np.int32), counts),
@@ -164,6 +169,16 @@ def join_meshes(scene: Scene, before: Triangles | None = None) -> Triangles:
 def _joined(arrays: list[np.ndarray], dtype: type) -> np.ndarray:
     """Concatenate arrays of meshes, contiguous and of a type; the array of a single mesh is not copied."""
     return np.ascontiguousarray(joined_rows(arrays), dtype)
+
+
+def _normals(scene: Scene) -> np.ndarray | JoinedRows:
+    """Return `Triangles.normals`; those of front faces that are adjacent in memory are not copied."""
+    fronts = [mesh.normals for mesh in scene.meshes if mesh.front is None]
+    backs = [mesh.normals for mesh in scene.meshes if mesh.front is not None]
+    known = adjacent_rows(fronts) if backs else None
+    if known is None:
+        return _joined([*fronts, *backs], np.float32)
+    return JoinedRows([known, joined_rows(backs)])
 
 
 def _backs(scene: Scene) -> np.ndarray | None:

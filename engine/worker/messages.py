@@ -1,7 +1,7 @@
 """Serialization of engine objects for messages between a parent and its worker.
 
 The package is named `engine` in the worker, and for example `bl_ext.user_default.hemibake.engine` in Blender.
-An object is therefore sent as class name and fields.
+An object is therefore sent as class name and fields. Arrays in shared memory are sent as their position.
 
     bytes  | count | size of part 0 | ... | part 0: pickle | part 1 ... : arrays |
            '-------- 64-bit integers -----'
@@ -16,6 +16,8 @@ from collections.abc import Callable
 from dataclasses import fields
 from operator import attrgetter
 from typing import Any
+
+import numpy as np
 
 from .. import errors
 from ..bake_result import BakeResult, FluxBalance, ProbeGrid, ReflectionCube, Report
@@ -33,6 +35,7 @@ from ..settings import Settings
 from ..unwrap.chart_options import ChartOptions
 from ..unwrap.polygon_mesh import MeshCharts, PolygonMesh
 from ..unwrap.unwrapping import PackJob, PackResult, Unwrapped
+from .shared_arrays import array_at, place_of
 
 #: Dataclasses that can be sent, by name.
 RECORDS: dict[str, type] = {
@@ -69,6 +72,9 @@ RECORDS: dict[str, type] = {
         Unwrapped,
     )
 }
+
+#: Other classes and functions of this package in messages, by name.
+_OTHERS: dict[str, Callable[..., Any]] = {each.__name__: each for each in (ObjectMessage, array_at)}
 
 #: Function that returns all fields of each dataclass.
 _FIELDS: dict[type, Callable[[Any], tuple[Any, ...]]] = {
@@ -127,7 +133,12 @@ def read(memory: memoryview) -> Any:
 
 class _Packer(pickle.Pickler):
     def reducer_override(self, value: Any) -> Any:
-        """Return a record or message as class and fields; not called for builtins."""
+        """Return a record or message as class and fields, and an array in shared memory as its position.
+
+        Not called for builtins.
+        """
+        if type(value) is np.ndarray and (place := place_of(value)) is not None:
+            return array_at, place
         if type(value) is ObjectMessage:
             return ObjectMessage, (str(value), value.objects, value.fix)
         values = _FIELDS.get(type(value))
@@ -136,8 +147,8 @@ class _Packer(pickle.Pickler):
 
 class _Unpacker(pickle.Unpickler):
     def find_class(self, module: str, name: str) -> Any:
-        """Return this process's record or message class with a name; others by module."""
-        own = ObjectMessage if name == ObjectMessage.__name__ else RECORDS.get(name)
+        """Return this process's record, message class or function with a name; others by module."""
+        own = _OTHERS.get(name) or RECORDS.get(name)
         return own or super().find_class(module, name)
 
 

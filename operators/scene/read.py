@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, field, replace
 from time import perf_counter
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import bpy
 import numpy as np
@@ -42,6 +42,9 @@ from .uv_layout import choose_places
 from .uv_transform import UvTransform, takes_textures
 from .uvs.multi_user import multi_user_sources
 from .world_mesh import world_mesh
+
+if TYPE_CHECKING:
+    from ...engine.worker.shared_meshes import SharedMeshes
 
 
 class ObjectEntry(NamedTuple):
@@ -149,6 +152,7 @@ def read_scene(
     paces: dict[str, float] | None = None,
     hurried: bool = False,
     edits_stored: bool = False,
+    shared: bool = False,
 ) -> Generator[Progress | None, None, ReadScene]:
     """Convert the visible objects to an engine.Scene, in slices.
 
@@ -162,6 +166,7 @@ def read_scene(
     paces:          seconds per unit of each stage in earlier readings, by its name; updated by this one
     hurried:        True to accept changes during the reading, for a scene that changes all the time
     edits_stored:   True if `store_edits` was called
+    shared:         True to store the meshes of a large scene in memory that the worker maps
     """
     if not edits_stored:
         store_edits(context, objects)
@@ -172,7 +177,7 @@ def read_scene(
         yield from stages.follow(stages.objects, reading.objects())
         stages.expect(reading.evaluations, reading.triangles)
         yield from stages.follow(stages.materials, reading.looks())
-    read = yield from stages.follow(stages.joining, reading.joined())
+    read = yield from stages.follow(stages.joining, reading.joined(shared))
     stages.update_paces()
     return read
 
@@ -250,10 +255,10 @@ class _SceneReading:
         note_ignored_settings(self._watch.context, self._readings, self._materials, self._notes)
         self._left_out = self._skipped.sentences(self._watch.context)
 
-    def joined(self) -> Slices[ReadScene]:
-        """Join all data to a scene; Blender's data is no longer accessed."""
+    def joined(self, shared: bool) -> Slices[ReadScene]:
+        """Join all data to a scene; Blender's data is no longer accessed. shared: see `read_scene`."""
         fingerprints, uv_digests = (yield from self._fingerprints()), self._uv_digests()
-        meshes = yield from self._meshes()
+        meshes = yield from self._meshes(self._room() if shared else None)
         scene = Scene(
             meshes=tuple(meshes),
             materials=self._materials,
@@ -274,13 +279,26 @@ class _SceneReading:
         placed = tuple(Placed(each.source, each.instancer, each.matrix) for each in self._readings)
         return ReadScene(scene, entries, (*self._notes, *self._left_out), fingerprints, uv_digests, placed)
 
-    def _meshes(self) -> Slices[list[Mesh]]:
-        """Return the world-space meshes; each mesh in object space is released after its last use."""
+    def _room(self) -> SharedMeshes | None:
+        """Return shared memory for the meshes; None for a small scene."""
+        from ...engine.worker.shared_meshes import SharedMeshes
+
+        if not SharedMeshes.pay_off(self.triangles):
+            return None
+        maps = [uvs for reading in self._readings for uvs in reading.mesh.corners.texture_uvs.values()]
+        return SharedMeshes(self.triangles, sum(map(len, maps)), len(maps))
+
+    def _meshes(self, room: SharedMeshes | None) -> Slices[list[Mesh]]:
+        """Return the world-space meshes; each mesh in object space is released after its last use.
+
+        room:  memory of the meshes; None for memory of this process
+        """
         del self._reader
         meshes, atlases = [], {name: index for index, name in enumerate(self._atlases)}
         for index, place in enumerate(self._places):
             atlas = NO_LIGHTMAP if place is None else atlases[place.atlas]
-            meshes.append((yield from world_mesh(self._readings[index], self._origin, atlas, place)))
+            mesh = yield from world_mesh(self._readings[index], self._origin, atlas, place)
+            meshes.append(mesh if room is None else room.moved(mesh))
             self._readings[index] = replace(self._readings[index], shape=None)
         return meshes
 

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from ...array_ops import take_rows
 from ...device.buffers import upload, upload_once, write
 from ...device.cl_device import ComputeDevice
 from ...device.device_struct import DeviceStruct
@@ -97,34 +98,40 @@ def _used_triangles(compute: ComputeDevice, geometry: PatchGeometry) -> tuple[cl
         if uploaded_triangles(count, len(chosen)) < count:
             number = np.empty(count, np.int32)
             number[chosen] = np.arange(len(chosen), dtype=np.int32)
-            arrays = number[geometry.triangle], triangles.positions[chosen], triangles.normals[chosen]
-            records = _upload_steps(compute, steps.subset(chosen), geometry.width)
+            normals = triangles.normals.take(chosen, axis=0)
+            arrays = number[geometry.triangle], triangles.positions[chosen], normals
+            records = _upload_steps(compute, steps, geometry.width, chosen)
             return *(upload(compute, array) for array in arrays), records
     return (
         upload_once(compute, geometry.triangle),
         upload_once(compute, triangles.positions),
-        upload_once(compute, triangles.normals),
+        upload_once(compute, triangles.all_normals),
         compute.shared.of(
             steps.area, f"steps {geometry.width}", lambda: _upload_steps(compute, steps, geometry.width)
         ),
     )
 
 
-def _upload_steps(compute: ComputeDevice, steps: TexelSteps, width: float) -> cl.Buffer:
+def _upload_steps(
+    compute: ComputeDevice, steps: TexelSteps, width: float, chosen: np.ndarray | None = None
+) -> cl.Buffer:
     """Upload the records of triangles, (t,) TEXEL_STEP; converts some at a time to save host memory.
 
-    width: of a patch, texels
+    width:   of a patch, texels
+    chosen:  (k,) int64, triangles; None for all
     """
-    count, size = len(steps.area), TEXEL_STEP.dtype.itemsize
+    count, size = len(steps.area) if chosen is None else len(chosen), TEXEL_STEP.dtype.itemsize
     buffer = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, size * max(count, 1))
     for first in range(0, count, _CONVERTED):
-        some = slice(first, first + _CONVERTED)
+        block = slice(first, min(first + _CONVERTED, count))
+        some = block if chosen is None else chosen[block]
+        edge_u, edge_v = steps.of(some)
         records = TEXEL_STEP.array(
-            min(_CONVERTED, count - first),
-            edge_u=scaled(steps.edge_u[some], width),
-            edge_v=scaled(steps.edge_v[some], width),
-            geometric=steps.geometric[some],
-            area=scaled(steps.area[some], width**2),
+            block.stop - first,
+            edge_u=scaled(edge_u, width),
+            edge_v=scaled(edge_v, width),
+            geometric=take_rows(steps.geometric, some),
+            area=scaled(take_rows(steps.area, some), width**2),
         )
         write(compute, buffer, records, size * first)
     return buffer

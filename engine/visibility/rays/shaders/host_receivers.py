@@ -16,7 +16,7 @@ _TINY = 1e-20
 def receivers_on_host(patches: PatchList, geometry: PatchGeometry) -> np.ndarray:
     """Return the records of patches, (n,) RECEIVER, without the offsets of their rays."""
     triangle, weights, triangles = geometry.triangle, geometry.barycentric, geometry.triangles
-    corners, normals = triangles.positions[triangle], triangles.normals[triangle]
+    corners, normals = triangles.positions[triangle], triangles.normals.take(triangle, axis=0)
     at = np.einsum("nk,nkd->nd", weights, corners, dtype=np.float32)
     mean = np.einsum("nk,nkd->nd", weights, normals, dtype=np.float32)
     size = np.linalg.norm(mean, axis=1, keepdims=True)

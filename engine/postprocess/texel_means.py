@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..device.buffers import download, upload, upload_once, zeros
+from ..device.buffers import download, upload, upload_once, upload_rows_once, zeros
 from ..device.cl_device import ComputeDevice
 from ..device.opencl import cl
 from .device_images import NOWHERE, DeviceTexels
@@ -91,7 +91,8 @@ class TexelMeans:
     def of(self, values: np.ndarray) -> np.ndarray:
         """Return the values of the texels `shown`, (k + b, c) float32.
 
-        values:  (s, c) or (s,) float32, values of the samples, 1 or 3 channels
+        values:  (s, c) or (s,) float32, values of the samples, 1 or 3 channels; must not be changed, since
+                 their upload is cached
         """
         channels = _channels(values)
         light: np.ndarray = download(self._compute, self._light_of(values), (self._count, 4))
@@ -103,8 +104,7 @@ class TexelMeans:
 
     def _light_of(self, values: np.ndarray) -> cl.Buffer:
         """Return the values of all texels on the device, float4; 0 in texels that are not `shown`."""
-        channels = np.int32(_channels(values))
-        given = upload(self._compute, values.astype(np.float32, copy=False)), channels
+        given = self._given(values)
         ranges = self._low, self._high
         self._run("texel_means", self._samples, self._firsts, self._seen_part, *given, self._light, *ranges)
         if not self._has_planes:
@@ -125,6 +125,13 @@ class TexelMeans:
             self._run("step_of_fit", *samples, *given, *ranges, self._steps, light, changed)
             light, changed = changed, light
         return light
+
+    def _given(self, values: np.ndarray) -> tuple[cl.Buffer, np.int32]:
+        """Return the cached buffer of values of the samples, and the floats of each row: 1 for scalars."""
+        if _channels(values) == 1:
+            return upload_once(self._compute, values.astype(np.float32, copy=False)), np.int32(1)
+        buffer, stride = upload_rows_once(self._compute, values)
+        return buffer, np.int32(stride)
 
     def _buffer(self, size: int) -> cl.Buffer:
         return cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, size)

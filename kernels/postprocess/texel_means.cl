@@ -50,9 +50,10 @@ bool is_fitted(const uchar state) { return state & BEYOND || ((state & CUT) && !
 // Position of a sample relative to the centre of the current texel.
 #define PLACE(sample) ((sample).xy - (float2)(column + 0.5f, row + 0.5f))
 
-float4 value_of(__global const float *values, const int channels, const int sample)
+// Returns the value of a sample, from rows of `stride` floats: 1 for scalars, at least 3 for colours.
+float4 value_of(__global const float *values, const int stride, const int sample)
 {
-    return channels == 1 ? (float4)(values[sample]) : (float4)(vload3(sample, values), 0.0f);
+    return stride == 1 ? (float4)(values[sample]) : (float4)(vload3(0, values + (size_t)stride * sample), 0.0f);
 }
 
 // Adds a value to a sum with Kahan compensation (Kahan 1965).
@@ -137,7 +138,7 @@ __kernel void mark_extrapolated(__global const uint *texels, __global const uint
 
 // Computes the mean, minimum and maximum of each texel's valid samples; `light` is 0 if there are none.
 __kernel void texel_means(__global const float4 *samples, __global const int *firsts, __global const float4 *seen_part,
-                          __global const float *values, const int channels, __global float4 *light,
+                          __global const float *values, const int stride, __global float4 *light,
                           __global float4 *low, __global float4 *high, const int count)
 {
     const int i = get_global_id(0);
@@ -148,7 +149,7 @@ __kernel void texel_means(__global const float4 *samples, __global const int *fi
     for (int k = firsts[i]; k < firsts[i + 1]; ++k) {
         if (samples[k].z <= 0.0f)
             continue;
-        const float4 value = value_of(values, channels, k);
+        const float4 value = value_of(values, stride, k);
         add_to(&sum, &left, samples[k].z / seen_part[i].x * value);
         least = fmin(least, value);
         most = fmax(most, value);
@@ -190,7 +191,7 @@ __kernel void range_of_all(__global const float4 *low, __global const float4 *hi
 // FARTHEST, because slopes across a narrow strip of samples are noise.
 __kernel void fit_planes(__global const float4 *samples, __global const int *firsts, __global const uint *texels,
                          __global const uint *numbers, const int resolution, __global const uchar *states,
-                         __global const float4 *seen_part, __global const float *values, const int channels,
+                         __global const float4 *seen_part, __global const float *values, const int stride,
                          __global const float4 *low, __global const float4 *high, __global const int *range,
                          __global float4 *light, __global float4 *planes, const int count)
 {
@@ -214,7 +215,7 @@ __kernel void fit_planes(__global const float4 *samples, __global const int *fir
             const float weight = fmax(samples[k].z, 0.0f);
             total += weight;
             middle += weight * PLACE(samples[k]);
-            mean += weight == 0.0f ? (float4)(0.0f) : weight * value_of(values, channels, k);
+            mean += weight == 0.0f ? (float4)(0.0f) : weight * value_of(values, stride, k);
         }
     }
     middle /= total;
@@ -231,7 +232,7 @@ __kernel void fit_planes(__global const float4 *samples, __global const int *fir
                 continue;
             const float part = samples[k].z / total;
             const float2 off = PLACE(samples[k]) - middle;
-            const float4 more = part * (value_of(values, channels, k) - mean);
+            const float4 more = part * (value_of(values, stride, k) - mean);
             spread += part * (float3)(off.x * off.x, off.x * off.y, off.y * off.y);
             right_side_u += off.x * more;
             right_side_v += off.y * more;
@@ -329,7 +330,7 @@ float share_of(const float4 sample, const int i, const int atlas, __global const
 // sizes of the fitted texels.
 __kernel void begin_fit(__global const float4 *samples, __global const int *firsts, __global const uint *texels,
                         __global const uint *numbers, const int resolution, __global const uchar *states,
-                        __global const float *values, const int channels, __global const int *range,
+                        __global const float *values, const int stride, __global const int *range,
                         __global const float4 *light, __global float4 *low, __global float4 *high,
                         __global float *steps, const int count)
 {
@@ -348,7 +349,7 @@ __kernel void begin_fit(__global const float4 *samples, __global const int *firs
             const float share = share_of(samples[k], i, atlas, numbers, resolution, states, &reading);
             if (share == 0.0f)
                 continue;
-            const float4 value = value_of(values, channels, k);
+            const float4 value = value_of(values, stride, k);
             least = fmin(least, value);
             most = fmax(most, value);
             total += share * reading.fitted;
@@ -363,7 +364,7 @@ __kernel void begin_fit(__global const float4 *samples, __global const int *firs
 // Runs one Jacobi step on the fitted texels, clamped to their bounds. Other texels are copied.
 __kernel void step_of_fit(__global const float4 *samples, __global const int *firsts, __global const uint *texels,
                           __global const uint *numbers, const int resolution, __global const uchar *states,
-                          __global const float *values, const int channels, __global const float4 *low,
+                          __global const float *values, const int stride, __global const float4 *low,
                           __global const float4 *high, __global const float *steps, __global const float4 *light,
                           __global float4 *changed, const int count)
 {
@@ -385,7 +386,7 @@ __kernel void step_of_fit(__global const float4 *samples, __global const int *fi
             const float share = share_of(samples[k], i, atlas, numbers, resolution, states, &reading);
             if (share == 0.0f)
                 continue;
-            float4 off = value_of(values, channels, k);
+            float4 off = value_of(values, stride, k);
             for (int corner = 0; corner < 4; ++corner)
                 if (reading.number[corner] >= 0)
                     off -= reading.weight[corner] * light[reading.number[corner]];

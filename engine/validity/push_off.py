@@ -5,7 +5,6 @@ Rays in the tangent plane search the nearest back face, where the covering geome
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,8 +25,8 @@ _APART = -0.9
 #: Results of the test of a point: INSIDE and ENCLOSED of kernels/validity/push_off.cl.
 _INSIDE, _ENCLOSED = 1, 2
 
-#: Words of a point that compact_push_offs takes: offset, thickness, wall, two sides.
-_OF_POINT = 7
+#: Words of a point that compact_push_offs takes: offset, thickness, wall.
+_OF_POINT = 5
 
 #: Tolerance of the barycentrics of a point that lies on its triangle.
 _ON_TRIANGLE = 1e-6
@@ -145,17 +144,9 @@ def _shader_push_offs(
     inside, enclosed = (numbers[:, 3] == result for result in (_INSIDE, _ENCLOSED))
     rows = np.flatnonzero(inside)
     way, number = offsets[rows], numbers[rows]
-    thickness = _thickness(way[:, 3], number[:, 1:3].T, normals)
+    one, other = (take_rows(normals, triangle) for triangle in number[:, 1:3].T)
+    thickness = np.where(row_products(one, other) < _APART, way[:, 3], np.float32(np.inf))
     return PushOffs(rows, np.ascontiguousarray(way[:, :3]), thickness, number[:, 0], inside, enclosed)
-
-
-def _thickness(measured: np.ndarray, sides: Iterable[np.ndarray], normals: np.ndarray) -> np.ndarray:
-    """Return the thickness of walls, (k,) float32, m; inf if the normals of the two sides are not opposite.
-
-    measured: (k,) float32, m; sides: triangles that it is measured between, two (k,) int32, -1 for none
-    """
-    one, other = (take_rows(normals, triangle) for triangle in sides)
-    return np.where(row_products(one, other) < _APART, measured, np.float32(np.inf))
 
 
 def _taken(
@@ -166,10 +157,10 @@ def _taken(
     if not count:
         return np.zeros((0, 3), np.float32), np.zeros(0, np.float32), np.zeros(0, np.int32)
     taken = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 4 * _OF_POINT * count)
-    compute.run(kernel, count, *found, upload(compute, points.astype(np.int32)), taken, np.int32(count))
+    chosen = lasting_buffer(compute, normals), np.float32(_APART), upload(compute, points.astype(np.int32))
+    compute.run(kernel, count, *found, *chosen, taken, np.int32(count))
     columns = download(compute, taken, (_OF_POINT, count))
-    wall, *sides = columns[4:].view(np.int32)
-    return columns[:3].T, _thickness(columns[3], sides, normals), wall
+    return columns[:3].T, columns[3], columns[4].view(np.int32)
 
 
 def pushed_barycentrics(geometry: PatchGeometry, offset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

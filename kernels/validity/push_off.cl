@@ -111,16 +111,19 @@ __kernel void push_off(RAYS_ARGUMENTS, __global const ReceiverRecord *receivers,
     ways[point].w = thickness;
 }
 
-// Gathers the results of the chosen points into columns of `count` words: offset, thickness, wall, both sides.
+// Gathers the results of the chosen points into columns of `count` words: offset, thickness, wall. The thickness is
+// INFINITY unless the cosine between the normals of both sides is below `apart`.
 __kernel void compact_push_offs(__global const float4 *ways, __global const int *walls, __global const int2 *sides,
-                                __global const int *points, __global float *taken, const int count)
+                                __global const float *normals, const float apart, __global const int *points,
+                                __global float *taken, const int count)
 {
     const int i = get_global_id(0);
     if (i >= count)
         return;
-    const float words[] = {ways[points[i]].x,         ways[points[i]].y,           ways[points[i]].z,
-                           ways[points[i]].w,         as_float(walls[points[i]]),  as_float(sides[points[i]].x),
-                           as_float(sides[points[i]].y)};
-    for (int column = 0; column < 7; ++column)
+    const int2 both = sides[points[i]];
+    const bool opposite = both.x >= 0 && dot(vload3(both.x, normals), vload3(both.y, normals)) < apart;
+    const float4 way = ways[points[i]];
+    const float words[] = {way.x, way.y, way.z, opposite ? way.w : INFINITY, as_float(walls[points[i]])};
+    for (int column = 0; column < 5; ++column)
         taken[(size_t)column * count + i] = words[column];
 }

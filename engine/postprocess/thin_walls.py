@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..array_ops import range_members, row_products, run_starts
+from ..array_ops import range_members, row_products
 from ..object_message import object_message
 from ..patches.patch_scene import PatchScene
 from ..scene.model import Scene
@@ -52,19 +52,16 @@ def in_thin_walls(
         return thin
     is_outside = visible & ~push_offs.enclosed
     is_outside[push_offs.rows[push_offs.wall >= 0]] = False
-    outside = np.flatnonzero(is_outside)
-    if not len(outside):
-        return thin[:0]
-    keys, resolution = samples.keys(patch_scene.patches.resolution), patch_scene.patches.resolution
-    triangles = len(patch_scene.triangles.positions)
-    places, number = np.unique(keys[thin] * triangles + push_offs.wall[chosen], return_inverse=True)
-    starts = run_starts(keys[outside])
-    known, parts = keys[outside[starts]], np.zeros(len(places), bool)
+    resolution, triangles = patch_scene.patches.resolution, len(patch_scene.triangles.positions)
+    keys = samples.subset(thin).keys(resolution)
+    places, number = np.unique(keys * triangles + push_offs.wall[chosen], return_inverse=True)
+    known, parts = samples.texels(resolution), np.zeros(len(places), bool)
     for first in range(0, len(places), _AT_ONCE):
         some = slice(first, first + _AT_ONCE)
         texels, walls = np.divmod(places[some], triangles)
-        place, beside = _samples_around(texels, known, starts, len(outside), resolution)
-        beside = outside[beside]
+        place, beside = _samples_around(texels, known, samples.starts, len(samples), resolution)
+        found = is_outside[beside]
+        place, beside = place[found], beside[found]
         side = 2 * place + _is_in_front(patch_scene, samples, beside, walls[place])
         mean, most = _light_of_sides(side, light[beside], len(texels))
         parts[some] = (most[:, ::-1] < (1 - _DIFFERS) * mean).any(axis=1)

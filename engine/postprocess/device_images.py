@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..device.buffers import download, upload, upload_float4, zeros
+from ..device.buffers import download, upload, upload_float4, upload_once, zeros
 from ..device.cl_device import ComputeDevice
 from ..device.device_array import DeviceArray, Values, rows_on_device
 from ..device.opencl import cl
@@ -35,7 +35,7 @@ class DeviceImages:
 
     The host transfers rows of texels without padding.
 
-    known:  (atlases, r, r) bool, texels that are loaded
+    known:  (atlases, r, r) bool, texels that are loaded; must not be changed, since its upload is cached
     fill:   computes the other texels
     most:   number of outputs whose images fit into the memory limit
     """
@@ -43,7 +43,7 @@ class DeviceImages:
     def __init__(self, compute: ComputeDevice, known: np.ndarray, fill: DeviceFill) -> None:
         self._compute, self._shape, self._fill = compute, known.shape, fill
         self._spread, self._pack = compute.kernels(SOURCE, "spread_channels", "pack_channels")
-        self._known = upload(compute, known.view(np.uint8))
+        self._known = upload_once(compute, known)
         self._count, self._outputs = np.uint32(known.size), 0
         self.most = max(1, _MEMORY // (16 * known.size))
 
@@ -147,13 +147,14 @@ def light_at(compute: ComputeDevice, outputs: Sequence[DeviceTexels], chosen: np
 class DevicePatches:
     """Map from patches to the texels of the lightmaps, on the device.
 
-    entries:  (atlases, r, r) uint32, the patch + 1 of each texel; 0 for none
+    entries:  (atlases, r, r) uint32, the patch + 1 of each texel, 0 for none; must not be changed, since its
+              upload is cached
     """
 
     def __init__(self, compute: ComputeDevice, entries: np.ndarray) -> None:
         self._compute, self._shape = compute, entries.shape
         (self._pick,) = compute.kernels(SOURCE, "pick_patches")
-        self._entries = upload(compute, entries)
+        self._entries = upload_once(compute, entries)
 
     def texels(self, values: Values) -> DeviceTexels:
         """Scatter patch values, (n, c) float32, into texels on the device; texels without a patch are 0."""

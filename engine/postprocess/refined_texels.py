@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from ..device.cl_device import ComputeDevice
@@ -37,7 +39,7 @@ class RefinedTexels:
         """Return a copy with a fit at thin walls."""
         return RefinedTexels(self.images, self._means, self.invalid, walls)
 
-    @property
+    @cached_property
     def known(self) -> np.ndarray:
         """Texels with valid light, (atlases, r, r) bool; all others are filled."""
         known = self.images.has_patch.copy()
@@ -50,7 +52,7 @@ class RefinedTexels:
     @property
     def centres(self) -> np.ndarray:
         """Texels with one sample at their centre, (atlases, r, r) bool."""
-        centres = self.known
+        centres = self.known.copy()
         if self._means is not None:
             centres.ravel()[self._means.shown] = False
         return centres

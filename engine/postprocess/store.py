@@ -139,7 +139,9 @@ class LightmapImages:
     def _patches_on(self, compute: ComputeDevice) -> DevicePatches:
         """Return the map from patches to texels on the device, created on first use."""
         if self._device is None:
-            self._device = DevicePatches(compute, self._entry.reshape(self.has_patch.shape))
+            entries = self.patches.on_texels(len(self.has_patch))
+            changed = self._entry.flags.writeable
+            self._device = DevicePatches(compute, self._entry.reshape(entries.shape) if changed else entries)
         return self._device
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..array_ops import all_in_rows
-from ..device.buffers import download_bytes, upload, words_of, zeros
+from ..device.buffers import download_bytes, upload, upload_once, words_of, zeros
 from ..device.cl_device import ComputeDevice
 from ..patches.patch_scene import PatchScene
 from ..patches.seams import Seams
@@ -28,9 +28,8 @@ _ABOVE = 0.1
 #: A blocker counts if it is steep against the surface (below the second value).
 _EVEN, _STEEP = 0.9, 0.7
 
-#: Bit flags of seams and of texels, as in kernels/postprocess/seam_lookups.cl.
+#: Bit flag of seams, as in kernels/postprocess/seam_lookups.cl.
 _OTHER_LIGHT = 1
-_SURFACE, _KNOWN = 1, 2
 
 
 def drop_blocked_seams(
@@ -50,15 +49,14 @@ def drop_blocked_seams(
     patch_scene:  patches of the scene that `ray_scene` traces
     ray_scene:    ray tracer of the scene
     light:        irradiance of each texel, sum of the channels
-    known:        (atlases, r, r) bool, texels with valid light
+    known:        (atlases, r, r) bool, texels with valid light; must not be changed, since its upload is
+                  cached
     invalid:      (m,) bool, invalid patches of the user's lightmaps
     """
     if not len(seams):
         return seams
     entries = patch_scene.patches.on_texels(len(known))
-    texels = known * np.uint8(_KNOWN)
-    texels |= (entries > 0).view(np.uint8)
-    marks = _compared(ray_scene.compute, seams, light, texels)
+    marks = _compared(ray_scene.compute, seams, light, known, entries)
     some = np.flatnonzero(marks)
     patches = _patches_beside(seams.subset(some), entries, known)
     both = all_in_rows(patches >= 0)
@@ -74,13 +72,19 @@ def drop_blocked_seams(
     return seams.subset(kept)
 
 
-def _compared(compute: ComputeDevice, seams: Seams, light: DeviceTexels, texels: np.ndarray) -> np.ndarray:
-    """Return the flags of seams, (p,) uint8, from irradiance and flags of texels, (atlases, r, r) uint8."""
+def _compared(
+    compute: ComputeDevice, seams: Seams, light: DeviceTexels, known: np.ndarray, entries: np.ndarray
+) -> np.ndarray:
+    """Return the flags of seams, (p,) uint8, from the irradiance of texels.
+
+    known, entries:  see `drop_blocked_seams` and `_patches_beside`; their uploads are cached
+    """
     (kernel,) = compute.kernels(SOURCE, "compare_sides")
     found = zeros(compute, words_of(len(seams)))
     sides = seams.texel.astype(np.float32), seams.atlas.astype(np.int32, copy=False)
-    buffers = [*(upload(compute, array) for array in sides), light.buffer, upload(compute, texels)]
-    size = np.int32(texels.shape[-1]), np.int32(len(seams))
+    texels = light.buffer, *(upload_once(compute, array) for array in (known, entries))
+    size = np.int32(known.shape[-1]), np.int32(len(seams))
+    buffers = *(upload(compute, array) for array in sides), *texels
     compute.run(kernel, len(seams), *buffers, np.float32(_DIFFERS), found, *size)
     return download_bytes(compute, found, len(seams))
 

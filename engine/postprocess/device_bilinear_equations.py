@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..device.buffers import download, download_bytes, upload, words_of, zeros
+from ..device.buffers import download, download_bytes, upload, upload_once, words_of, zeros
 from ..device.cl_device import ComputeDevice
 from ..device.opencl import cl
 from ..patches.seams import Seams
@@ -28,7 +28,8 @@ class DeviceBilinearEquations:
 
     resolution:  width and height of the lightmaps, texels
     size:        number of texels of all lightmaps
-    centres:     (atlases, r, r) bool, texels with a light sample at their centre
+    centres:     (atlases, r, r) bool, texels with a light sample at their centre; must not be changed, since
+                 its upload is cached
     off_centre:  off-centre samples, ordered by the texel in which they lie
     texel:       (n,) uint32, flat index of each unknown, on the host
 
@@ -36,6 +37,7 @@ class DeviceBilinearEquations:
 
     texels:               uint for each unknown, flat index
     centre:               uchar for each texel, `centres`
+    owners:               uint for each off-centre sample, flat index of its texel
     ranges:               int2 for each unknown, first and last sample inside it
     neighbours, factors:  9 planes of int, float for each unknown; kernels/postprocess/bilinear_equations.cl
     linked:               uint for each unknown, flags of its links
@@ -51,17 +53,17 @@ class DeviceBilinearEquations:
         self._compute, self.resolution, self.size = compute, centres.shape[1], centres.size
         self._kernels = dict(zip(_NAMES, compute.kernels(SOURCE, *_NAMES), strict=True))
         self.points, self.seams = len(off_centre), len(seams)
-        self.centre = upload(compute, centres.view(np.uint8))
+        self.centre = upload_once(compute, centres)
         self.positions = self._uploaded(off_centre.position, np.float32)
         self.weights = self._uploaded(off_centre.weight, np.float32)
-        self._owners = self._uploaded(off_centre.texels(self.resolution), np.uint32)
+        self.owners = self._uploaded(off_centre.texels(self.resolution), np.uint32)
         self._sides = self._uploaded(seams.texel, np.float32)
         self._atlases = self._uploaded(seams.atlas, np.int32)
         self._lengths = self._uploaded(seams.weight, np.float32)
         marks = self._marked(centres.size)
 
         self.texel = self._unknown(marks, centres.size)
-        self.count = len(self.texel)
+        self.count, self.texels = len(self.texel), self._uploaded(self.texel, np.uint32)
         if self.count:
             self._number(centres.size)
             self._link(marks)
@@ -82,7 +84,7 @@ class DeviceBilinearEquations:
         """Return flags of all texels: True if off-centre samples or seams read the texel."""
         marks, self._counts = zeros(self._compute, 4 * size), zeros(self._compute, words_of(self.seams))
         resolution = np.int32(self.resolution)
-        self._run("mark_points", self.points, self.positions, self._owners, marks, resolution)
+        self._run("mark_points", self.points, self.positions, self.owners, marks, resolution)
         self._run(
             "mark_seams", self.seams, self._sides, self._atlases, self.centre, marks, self._counts, resolution
         )
@@ -96,11 +98,10 @@ class DeviceBilinearEquations:
 
     def _number(self, size: int) -> None:
         """Number the unknowns and find the range of samples inside each."""
-        self.texels = upload(self._compute, self.texel)
         self._numbers = cl.Buffer(self._compute.context, cl.mem_flags.READ_WRITE, 4 * size)
         self.ranges = zeros(self._compute, 8 * self.count)
         self._run("number_texels", self.count, self.texels, self._numbers)
-        self._run("find_points", self.points, self._owners, self._numbers, self.ranges)
+        self._run("find_points", self.points, self.owners, self._numbers, self.ranges)
 
     def _link(self, marks: cl.Buffer) -> None:
         """Compute the neighbours' factors for each unknown, from sample and smoothness equations."""

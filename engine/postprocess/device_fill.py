@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..device.buffers import upload
 from ..device.cl_device import ComputeDevice
 from ..device.opencl import cl
 
@@ -41,9 +40,10 @@ class _Scale(NamedTuple):
 class DeviceFill:
     """Fill of unknown texels: rings of dilation, then a multigrid membrane.
 
-    known:    (atlases, r, r) bool, texels that keep their bits
-    surface:  (atlases, r, r) bool, known texels that lie on a chart
-    inside:   (atlases, r, r) bool, texels that are filled at any distance
+    shape:    (atlases, r, r)
+    known:    uchar for each texel, nonzero for texels that keep their bits
+    surface:  uchar for each texel, nonzero for known texels that lie on a chart
+    inside:   uchar for each texel, nonzero for texels that are filled at any distance
     rings:    number of dilation rings; a new texel is the mean of its chart neighbours, else of known ones
     reach:    distance in texels up to which texels are filled; farther texels are 0
     """
@@ -51,22 +51,21 @@ class DeviceFill:
     def __init__(
         self,
         compute: ComputeDevice,
-        known: np.ndarray,
-        surface: np.ndarray,
-        inside: np.ndarray,
+        shape: tuple[int, int, int],
+        known: cl.Buffer,
+        surface: cl.Buffer,
+        inside: cl.Buffer,
         rings: int,
         reach: int,
     ) -> None:
         self._compute, self._rings = compute, min(rings, reach)
         self._kernels = dict(zip(_NAMES, compute.kernels(SOURCE, *_NAMES), strict=True))
-        shape = (len(inside), inside.shape[1], inside.shape[2])
         in_row, self._distance = (self._buffer(2, shape) for _ in range(2))
-        seeds, self._surface = (upload(compute, mask.view(np.uint8)) for mask in (known, surface))
-        self._run("distance_in_row", shape, seeds, in_row, np.int32(reach))
+        self._surface = surface
+        self._run("distance_in_row", shape, known, in_row, np.int32(reach))
         self._run("distance_in_column", shape, in_row, self._distance, np.int32(reach))
         states = self._buffer(1, shape)
-        filled = upload(compute, inside.view(np.uint8))
-        self._run("classify", shape, self._distance, filled, np.int32(self._rings), states)
+        self._run("classify", shape, self._distance, inside, np.int32(self._rings), states)
         self._scales = [_Scale(shape, states)]
         self._fills_small = not compute.processor
         while max(shape[1:]) > (_SMALL if self._fills_small else 1):

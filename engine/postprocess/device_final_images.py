@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..device.buffers import upload_float4
+from ..device.buffers import unfilled, upload_float4, upload_once
 from ..device.cl_device import ComputeDevice
 from ..device.opencl import cl
 from ..patches.seams import Seams
 from .device_bilinear_equations import DeviceBilinearEquations
 from .device_bilinear_fit import DeviceBilinearFit
-from .device_fill import DeviceFill
+from .device_fill import SOURCE, DeviceFill
 from .device_images import DeviceImages, DeviceTexels, texels_of
 from .final_images import RINGS
 from .lightmap_points import LightmapPoints
@@ -23,6 +23,9 @@ class DeviceFinalImages:
 
     centres:     (atlases, r, r) bool, texels with a light sample at their centre
     off_centre:  off-centre samples, ordered by the texel in which they lie
+    has_patch:   (atlases, r, r) bool, texels that are patches
+
+    The masks must not be changed, since their uploads are cached.
     """
 
     def __init__(
@@ -37,12 +40,23 @@ class DeviceFinalImages:
         self._compute = compute
         equations = DeviceBilinearEquations(compute, centres, off_centre, seams)
         self._fit = DeviceBilinearFit(compute, equations) if equations.count else None
-        known = centres.copy()
-        known.ravel()[equations.texel] = True
-        surface = centres.copy()
-        surface.ravel()[off_centre.texels(centres.shape[1])] = True
-        fill = DeviceFill(compute, known, surface, has_patch, RINGS, dilation)
+        known = self._with_texels(equations.centre, equations.texels, equations.count)
+        surface = self._with_texels(equations.centre, equations.owners, equations.points)
+        atlases, height, width = centres.shape
+        inside = upload_once(compute, has_patch)
+        fill = DeviceFill(compute, (atlases, height, width), known, surface, inside, RINGS, dilation)
         self._images = DeviceImages(compute, centres, fill)
+
+    def _with_texels(self, mask: cl.Buffer, texels: cl.Buffer, count: int) -> cl.Buffer:
+        """Return a copy of a mask, uchar for each texel, with `count` more texels, uint flat indices."""
+        if not count:
+            return mask
+        compute = self._compute
+        (mark,) = compute.kernels(SOURCE, "mark_texels")
+        more = unfilled(compute, mask.size)
+        cl.enqueue_copy(compute.queue, more, mask, byte_count=mask.size)
+        compute.run(mark, count, texels, more, np.int32(count))
+        return more
 
     def images(self, texels: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Return the final lightmaps, (atlases, r, r, 3) float32.

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..device.buffers import upload_once, words_of, zeros
 from ..device.cl_device import ComputeDevice
 from .device_fill import DeviceFill
 from .device_images import DeviceImages, DeviceTexels, texels_of
@@ -16,7 +17,8 @@ class GutterFill:
     """Dilation of lightmaps without a fit.
 
     compute:  OpenCL device; None to use the host
-    known:    (atlases, r, r) bool, texels that keep their bits
+    known:    (atlases, r, r) bool, texels that keep their bits; must not be changed, since its upload is
+              cached
     rings:    distance by which charts are extended, texels
     """
 
@@ -26,7 +28,9 @@ class GutterFill:
         if compute is None:
             self._dilations = [Dilation(mask, rings) for mask in known]
         else:
-            fill = DeviceFill(compute, known, known, np.zeros_like(known), rings, rings)
+            mask, nothing = upload_once(compute, known), zeros(compute, words_of(known.size))
+            atlases, height, width = known.shape
+            fill = DeviceFill(compute, (atlases, height, width), mask, mask, nothing, rings, rings)
             self.device_images = DeviceImages(compute, known, fill)
 
     def images(self, texels: np.ndarray) -> np.ndarray:

@@ -41,6 +41,14 @@ __kernel void distance_in_column(__global const ushort *in_row, __global ushort 
     distance[texel] = nearest <= reach ? nearest : FAR;
 }
 
+// Adds texels, by flat index, to a mask.
+__kernel void mark_texels(__global const uint *texels, __global uchar *mask, const int count)
+{
+    const int i = get_global_id(0);
+    if (i < count)
+        mask[texels[i]] = 1;
+}
+
 // Fills one ring of texels with the mean of their neighbours on a chart's surface, or else in inner rings.
 __kernel void dilate_ring(__global const ushort *distance, __global const uchar *surface, const int ring,
                           __global float4 *image, const uint atlases, const int width, const int height)

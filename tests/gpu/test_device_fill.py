@@ -18,7 +18,8 @@ def filled(compute, monkeypatch, shape, small, known_part):
     random = np.random.default_rng(shape[1])
     known = random.random(shape) < known_part
     surface, inside = known & (random.random(shape) < 0.5), known | (random.random(shape) < 0.2)
-    fill = DeviceFill(compute, known, surface, inside, 2, 11)
+    masks = (upload(compute, mask) for mask in (known, surface, inside))
+    fill = DeviceFill(compute, shape, *masks, 2, 11)
     images = random.random((3, *shape, 4)).astype(np.float32)
     buffer = upload(compute, images)
     for outputs in (1, 3):

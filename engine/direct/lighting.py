@@ -226,6 +226,9 @@ class DirectLighting:
 
     def _cast_from(self, points: RayScene, settings: Settings) -> ShadowRays | ShaderShadowRays:
         """Return the caster of shadow rays for the receivers of a ray scene."""
+        known = self._shadow_rays
+        if isinstance(known, ShadowRays) and known.compute is points.compute:
+            return known.of(points, settings)
         lights = self._patch_scene, self._lamps, self._bright, self._sky, settings
         if points.shaders is not None:
             return ShaderShadowRays(points.shaders, *lights)

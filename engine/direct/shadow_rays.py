@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
+from copy import copy
 from functools import partial
 from typing import Protocol
 
@@ -23,18 +24,20 @@ from ..device.cl_device import ComputeDevice
 from ..device.kernel import Kernel
 from ..device.opencl import cl
 from ..device.peer_threads import run_in_parallel
+from ..device.planned_program import Source
 from ..device.row_range import RowRange
 from ..device.time_slicer import sliced_rows
 from ..patches.patch_scene import PatchScene
 from ..progress import run_as_fraction
 from ..scene.light_groups import LightGroups
+from ..scene.memo import Memo
 from ..scene.model import Light
 from ..settings import Settings
 from ..visibility.rays.ray_scene import RayScene
 from ..visibility.sampler import directional_options
 from .emitter_lists import EmitterLists, joined_emitters, visible_fraction
 from .emitters import EMITTER, EMITTER_RECORDS, SampledTriangles
-from .light_tree import LIGHT_NODE, LIGHT_TREE_RECORDS, build_light_tree
+from .light_tree import LIGHT_NODE, LIGHT_TREE_RECORDS, LightTree, build_light_tree
 from .sky import Sky, SkyDistribution
 
 
@@ -80,16 +83,10 @@ class ShadowRays:
         sky: Sky,
         settings: Settings,
     ) -> None:
-        compute, rays = receivers.compute, receivers.rays
-        self._scene, self._lights = receivers, (patch_scene, lamps, bright, sky, settings)
-        self._compute, self._rays, self._settings = compute, rays, settings
-        self._count, self._triangles = receivers.count, len(patch_scene.triangles.mesh).bit_length()
-        options = directional_options(settings)
-        (self._direct,) = rays.kernels(
-            (*LIGHT_TREE_RECORDS, "direct.cl"), "sample_direct_light", options=options
-        )
-        self._receivers = receivers.receivers
-        self._l1 = zeros(compute, 48 * self._count) if settings.directional else None
+        compute = receivers.compute
+        self._lights = patch_scene, lamps, bright, sky
+        self._triangles, self._trees = len(patch_scene.triangles.mesh).bit_length(), Memo[LightTree]()
+        self._set_receivers(receivers, settings)
 
         self._emitters = EmitterLists(lamps, patch_scene.triangles, bright, sky)
         tables = self._emitters.modulations, self._emitters.profiles
@@ -108,8 +105,29 @@ class ShadowRays:
         )
         self.lights = (
             *self._emitters.lists, *tables, sky.bright, *(shine if len(bright.triangles) else ()),
-            settings.light_samples, settings.seed, options,
+            settings.light_samples, settings.seed, directional_options(settings),
         )  # fmt: skip
+
+    def _set_receivers(self, receivers: RayScene, settings: Settings) -> None:
+        """Set the points from which rays are cast, and the settings."""
+        self._compute, self._rays, self._scene = receivers.compute, receivers.rays, receivers
+        self._settings, self._count = settings, receivers.count
+        source: Source = (*LIGHT_TREE_RECORDS, "direct.cl")
+        options = directional_options(settings)
+        (self._direct,) = self._rays.kernels(source, "sample_direct_light", options=options)
+        self._receivers = receivers.receivers
+        self._l1 = zeros(self._compute, 48 * self._count) if settings.directional else None
+
+    def of(self, receivers: RayScene, settings: Settings) -> ShadowRays:
+        """Return shadow rays from other points of the same device; both share emitters and their buffers."""
+        other = copy(self)
+        other._set_receivers(receivers, settings)
+        return other
+
+    @property
+    def compute(self) -> ComputeDevice:
+        """The OpenCL device that casts the rays."""
+        return self._compute
 
     @property
     def emitters(self) -> np.ndarray:
@@ -185,7 +203,7 @@ class ShadowRays:
         chosen: as in `sampled`
         """
         items = self._count if chosen is None else len(chosen)
-        tree = build_light_tree(emitters)
+        tree = self._trees.get((emitters,), lambda: build_light_tree(emitters))
         nodes = tree.nodes if len(tree.nodes) else LIGHT_NODE.array(1)
 
         def direct(caster: ShadowRays) -> tuple[Kernel, tuple]:
@@ -230,7 +248,7 @@ class ShadowRays:
 
     def _on(self, peer: ComputeDevice) -> ShadowRays:
         """Return the caster of the same rays on another device."""
-        return ShadowRays(self._scene.on(peer), *self._lights)
+        return ShadowRays(self._scene.on(peer), *self._lights, self._settings)
 
     def _result(self, items: int) -> cl.Buffer:
         """Return a buffer for the results of items, float4 each."""

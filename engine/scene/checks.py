@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from ..errors import SceneError
-from .cutouts import is_tinted_material, transmission_maps, transmittances
+from .cutouts import distinct_transmittances, is_tinted_material, transmission_maps
 from .mesh_groups import joined, mesh_boxes, mesh_groups
 from .model import LIGHT_KINDS, NO_LIGHTMAP, Light, Material, Mesh, Scene
 from .probe_volume import MAX_PROBES, ProbeVolume, volume_issue
@@ -46,6 +46,9 @@ _LARGEST_REFLECTANCE = 1e3
 
 #: Tolerance of transmittance outside [0, 1], for rounding.
 _ROUNDING = 1e-6
+
+#: Number of values up to which a loop is faster than NumPy.
+_FEW = 8
 
 #: Values of light that error messages call invalid.
 _NO_LIGHT = f"NaN, negative or greater than {MAX_RADIANCE:.0e}"
@@ -240,7 +243,7 @@ def check_material(material: Material) -> None:
             f"Material '{material.name}' has an emission that is {_NO_LIGHT}. "
             "Correct its emission color and strength."
         )
-    for entry in transmittances(material.transmission):
+    for entry in distinct_transmittances(material):
         if not _is_fraction(entry):
             raise SceneError(
                 f"Material '{material.name}' has a transmittance that is not between 0 and 1. "
@@ -316,7 +319,7 @@ def _check_tinted_reflectance(material: Material) -> None:
 def _is_fraction(entry: Transmittance) -> bool:
     """Return True if a transmittance is within [0, 1] for all values of its texture."""
     ends = np.asarray(entry.offset), np.asarray(entry.offset) + np.asarray(entry.scale)
-    within = all(bool((end >= -_ROUNDING).all() and (end <= 1 + _ROUNDING).all()) for end in ends)
+    within = all(-_ROUNDING <= value <= 1 + _ROUNDING for end in ends for value in end.tolist())
     return within and (entry.texture is None or _is_light(entry.texture.pixels, 1))
 
 
@@ -335,6 +338,9 @@ def _values(constant: np.ndarray, texture: Texture | None) -> list[np.ndarray]:
 
 def _is_light(values: np.ndarray, most: float = MAX_RADIANCE) -> bool:
     """Return True if all values are within [0, most]; NaN is invalid."""
+    if np.size(values) <= _FEW:
+        limit = float(np.float32(most))
+        return all(0 <= value <= limit for value in np.ravel(values).tolist())
     return bool(np.min(values) >= 0 and np.max(values) <= np.float32(most))
 
 

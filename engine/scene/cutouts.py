@@ -140,12 +140,14 @@ def transmission_maps(material: Material) -> list[Texture]:
 
 def has_cutouts(scene: Scene) -> bool:
     """Return True if any surface transmits light anywhere, as `Cutouts.needed`."""
-    return any(_is_see_through(entry) for entry in _all_records(scene))
+    entries = (entry for material in scene.materials for entry in distinct_transmittances(material))
+    return any(map(_is_see_through, entries))
 
 
 def is_angular(scene: Scene) -> bool:
     """Return True if the transmittance of any surface depends on the angle, as `Cutouts.angular`."""
-    return any(_fresnel(entry)[1] for entry in _all_records(scene))
+    entries = (entry for material in scene.materials for entry in distinct_transmittances(material))
+    return any(_fresnel(entry)[1] for entry in entries)
 
 
 def is_tinted(scene: Scene) -> bool:
@@ -158,8 +160,14 @@ def is_tinted_material(material: Material) -> bool:
     return any(
         len(set(entry.offset.tolist())) > 1
         or (entry.texture is not None and (len(set(entry.scale.tolist())) > 1 or _is_coloured(entry.texture)))
-        for entry in transmittances(material.transmission)
+        for entry in distinct_transmittances(material)
     )
+
+
+def distinct_transmittances(material: Material) -> tuple[Transmittance, ...]:
+    """Return the transmittances of a material; most materials have the same on both sides."""
+    entries = transmittances(material.transmission)
+    return tuple({id(entry): entry for entry in entries}.values())
 
 
 def _all_records(scene: Scene) -> list[Transmittance]:
@@ -168,7 +176,10 @@ def _all_records(scene: Scene) -> list[Transmittance]:
 
 
 def _is_see_through(entry: Transmittance) -> bool:
-    return entry.texture is not None or bool((1 - entry.offset < 1).any())
+    if entry.texture is not None:
+        return True
+    # Most surfaces are opaque. The list is faster than arithmetic on a short array.
+    return any(entry.offset.tolist()) and bool((1 - entry.offset < 1).any())
 
 
 def _is_coloured(texture: Texture) -> bool:

@@ -258,7 +258,7 @@ def _lit_patches(request: _Request) -> Generator[Progress, None, _LitPatches]:
     gathers = may_gather(scene, patch_scene.surfaces, settings)
     used = int(np.count_nonzero(patch_scene.geometry.on_triangle))
     check_patches(compute, len(patch_scene.triangles.mesh), used, len(patch_scene.patches), gathers)
-    rays = kept.ray_scene(graphics, compute, patch_scene)
+    rays = kept.ray_scene(graphics, compute, scene, patch_scene)
     open_peers = request.devices.peers if request.shares else None
     notes = share(rays, patch_scene, open_peers, settings, kept.samples is not None)
     store = kept.texels.images(patch_scene.patches, atlases, settings, compute)

@@ -163,11 +163,14 @@ class SessionCache:
         return self._patch_scene
 
     def ray_scene(
-        self, graphics: GraphicsContext, compute: ComputeDevice | None, patch_scene: PatchScene
+        self, graphics: GraphicsContext, compute: ComputeDevice | None, scene: Scene, patch_scene: PatchScene
     ) -> RayScene:
-        """Return the ray tracer with the patches as origins; of compute shaders if there is no OpenCL."""
+        """Return the ray tracer with the patches as origins; of compute shaders if there is no OpenCL.
+
+        scene:  scene of the patches
+        """
         if self._rays is None:
-            known = partial(self.visible.bvh_of, patch_scene.triangles)
+            known = partial(self.visible.bvh_of, scene, patch_scene.triangles.origin)
             shaders = ShaderScene(graphics, patch_scene, known(HostBvh)) if compute is None else None
             self._rays = RayScene(compute, patch_scene, self._top, shaders, known(Bvh))
         return self._rays

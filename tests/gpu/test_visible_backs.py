@@ -196,12 +196,13 @@ def test_a_scene_in_which_no_back_is_visible_stays_as_it_is(tracer):
     found = with_places(scene, RESOLUTION, find_visible=partial(visible.of, tracer, resolution=RESOLUTION))
     assert found is scene and triangles.backs is None
     bvh = tracer(triangles, read_cutouts(scene)).bvh
-    assert visible.bvh_of(triangles, type(bvh)) is not None and visible.bvh_of(triangles, int) is None
+    bvh_of = partial(visible.bvh_of, scene, triangles.origin)
+    assert bvh_of(type(bvh)) is not None and bvh_of(int) is None
     assert not visible.of(tracer, scene, np.zeros(10, bool), TEXEL, RESOLUTION).any()
-    assert visible.bvh_of(triangles, type(bvh)) is None
+    assert bvh_of(type(bvh)) is None
 
 
-def test_a_choice_keeps_nothing_of_its_triangles_once_the_bake_has_the_hierarchy(tracer):
+def test_a_choice_keeps_no_joined_triangles_and_gives_its_hierarchy_to_one_bake(tracer):
     scene, visible, positions = Scene((open_room(),), (material("Grey", 0.5),)), VisibleBacks(), []
 
     def watched(triangles, cutouts):
@@ -210,10 +211,13 @@ def test_a_choice_keeps_nothing_of_its_triangles_once_the_bake_has_the_hierarchy
 
     visible.of(watched, scene, np.ones(10, bool), TEXEL, RESOLUTION)
     gc.collect()
-    assert positions[0]() is not None
-    assert visible.bvh_of(join_meshes(scene), object) is not None
-    gc.collect()
-    assert positions[0]() is None and visible.bvh_of(join_meshes(scene), object) is None
+    assert positions[0]() is None
+    origin = join_meshes(scene).origin
+    assert visible.bvh_of(scene, origin + 1, object) is None
+    copied = replace(scene, meshes=(replace(scene.meshes[0], positions=scene.meshes[0].positions.copy()),))
+    assert visible.bvh_of(copied, origin, object) is None
+    assert visible.bvh_of(scene, origin, object) is not None
+    assert visible.bvh_of(scene, origin, object) is None
 
 
 def test_moving_meshes_keep_the_choice_until_it_is_refreshed(tracer):
@@ -227,11 +231,11 @@ def test_moving_meshes_keep_the_choice_until_it_is_refreshed(tracer):
         scene, meshes=(meshes[0], replace(meshes[1], positions=meshes[1].positions - np.float32((0, 0, 7))))
     )
     kept = of(scene=moved, candidates=every)
-    assert np.array_equal(kept, first) and visible.bvh_of(join_meshes(moved), object) is None
+    assert np.array_equal(kept, first) and visible.bvh_of(moved, join_meshes(moved).origin, object) is None
     assert visible.refresh(tracer) and not visible.refresh(tracer)
     fresh = VisibleBacks().of(tracer, moved, every, TEXEL, RESOLUTION)
     assert np.array_equal(of(scene=moved, candidates=every), fresh) and not np.array_equal(fresh, first)
-    assert visible.bvh_of(join_meshes(moved), object) is not None
+    assert visible.bvh_of(moved, join_meshes(moved).origin, object) is not None
 
 
 def test_a_patch_file_stays_valid_when_other_backs_become_visible(tmp_path):

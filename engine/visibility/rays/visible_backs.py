@@ -9,6 +9,7 @@ N rays cover at most 3 / N of all views with a probability of 95 % (rule of thre
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Generator
 from functools import partial
 from typing import TypeVar
@@ -76,7 +77,7 @@ class VisibleBacks:
         self._shape: tuple = ()
         self._visible = np.zeros(0, bool)
         self._unchecked: tuple[Scene, np.ndarray, float, int] | None = None
-        self._hierarchy: tuple[np.ndarray, Bvh | HostBvh] | None = None
+        self._hierarchy: tuple[tuple[np.ndarray, ...], np.ndarray, Bvh | HostBvh] | None = None
 
     def of(
         self,
@@ -121,7 +122,8 @@ class VisibleBacks:
         tracer = make_tracer(triangles, read_cutouts(scene))
         width = texel or triangles.diagonal / resolution
         self._visible = yield from _visible(tracer, triangles, scene, width, resolution, candidates)
-        self._key, self._shape, self._hierarchy = key, shape, (triangles.positions, tracer.bvh)
+        self._key, self._shape = key, shape
+        self._hierarchy = _positions_of(scene), triangles.origin, tracer.bvh
         return self._visible
 
     def refresh(self, make_tracer: MakeTracer) -> bool:
@@ -132,19 +134,28 @@ class VisibleBacks:
         used = self._visible & candidates
         return not np.array_equal(self.of(make_tracer, scene, candidates, texel, resolution), used)
 
-    def bvh_of(self, triangles: Triangles, kind: type[Hierarchy]) -> Hierarchy | None:
+    def bvh_of(self, scene: Scene, origin: np.ndarray, kind: type[Hierarchy]) -> Hierarchy | None:
         """Return the BVH of the last choice if it has the same triangles and is of this kind; else None.
+
+        scene:   scene whose meshes of front faces must have the arrays of the choice
+        origin:  `Triangles.origin` of the scene
 
         It is returned only once, so that its buffers live no longer than the bake needs them.
         """
         if self._hierarchy is None:
             return None
-        positions, bvh = self._hierarchy
-        is_same = np.array_equal(positions, triangles.positions[: triangles.solid])
-        if not is_same or not isinstance(bvh, kind):
+        positions, before, bvh = self._hierarchy
+        others = _positions_of(scene)
+        is_same = len(positions) == len(others) and all(map(operator.is_, positions, others))
+        if not is_same or not np.array_equal(before, origin) or not isinstance(bvh, kind):
             return None
         self._hierarchy = None
         return bvh
+
+
+def _positions_of(scene: Scene) -> tuple[np.ndarray, ...]:
+    """Return the positions of the meshes that are no back faces."""
+    return tuple(mesh.positions for mesh in scene.meshes if mesh.front is None)
 
 
 def _key_of(scene: Scene) -> tuple:

@@ -51,7 +51,7 @@ class TriangleScene:
         return replace(
             _without_patches(self.triangles, self.steps, self.cutouts, resolution),
             surfaces=PatchMaterials(emission[:0], emission),
-            texel_to_patch=texel_to_patch,
+            entries=texel_to_patch,
             source_count=None,
             back_to_back=back_to_back,
         )
@@ -73,7 +73,7 @@ def _without_patches(
         patches=patches,
         geometry=geometry,
         surfaces=PatchMaterials(nowhere, nowhere),
-        texel_to_patch=texels,
+        entries=texels,
         warnings=(),
     )
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from threading import RLock
 
 import numpy as np
 
@@ -22,6 +23,8 @@ class Staging:
 
     From other memory, a driver copies into page-locked chunks of its own, and the host waits for each copy.
 
+    Threads take turns.
+
     queue:  in order
     """
 
@@ -34,7 +37,22 @@ class Staging:
             cl.enqueue_map_buffer(queue, locked, access, 0, (_CHUNK,), np.uint8)[0] for locked in self._locked
         ]
         self._copies: list[list[cl.Event]] = [[] for _ in range(_CHUNKS)]
-        self._next = 0
+        self._next, self._turn = 0, RLock()
+
+    def fill(
+        self, buffer: cl.Buffer, size: int, store: Callable[[np.ndarray, int], object], at: int = 0
+    ) -> None:
+        """Write `size` bytes into a buffer from byte `at` on.
+
+        store:  stores bytes from an offset on in a page-locked chunk, (k,) uint8
+        """
+        with self._turn:
+            for first in range(0, size, _CHUNK):
+                slot = self._free()
+                chunk = self._chunks[slot][: min(_CHUNK, size - first)]
+                store(chunk, first)
+                self._copies[slot] = [self._enqueue_write(buffer, chunk, at + first)]
+            self._queue.flush()
 
     def write(self, buffer: cl.Buffer, values: np.ndarray, at: int = 0) -> None:
         """Write a contiguous array into a buffer from byte `at` on.
@@ -42,19 +60,18 @@ class Staging:
         The array may change after the call returns.
         """
         source = values.reshape(-1).view(np.uint8)
-        for first in range(0, len(source), _CHUNK):
-            part = source[first : first + _CHUNK]
-            slot = self._free()
-            chunk = self._chunks[slot][: len(part)]
-            chunk[:] = part
-            self._copies[slot] = [self._enqueue_write(buffer, chunk, at + first)]
-        self._queue.flush()
+
+        def store(chunk: np.ndarray, first: int) -> None:
+            chunk[:] = source[first : first + len(chunk)]
+
+        self.fill(buffer, len(source), store, at)
 
     def read(self, buffer: cl.Buffer, values: np.ndarray, first: int = 0) -> None:
         """Read a buffer from byte `first` into a contiguous array; waits for all earlier commands."""
         target = values.reshape(-1).view(np.uint8)
-        for _, start, chunk in self._arriving(buffer, len(target), first):
-            target[start : start + len(chunk)] = chunk
+        with self._turn:
+            for _, start, chunk in self._arriving(buffer, len(target), first):
+                target[start : start + len(chunk)] = chunk
 
     def send(
         self, buffer: cl.Buffer, size: int, targets: Sequence[tuple[Staging, cl.Buffer]], first: int = 0
@@ -64,10 +81,11 @@ class Staging:
         Waits for all earlier commands of this device. The other queues may not have ended on return. All GPUs
         of a driver read the page-locked chunks of this device at full speed.
         """
-        for slot, start, chunk in self._arriving(buffer, size, first):
-            for staging, target in targets:
-                self._copies[slot].append(staging._enqueue_write(target, chunk, first + start))
-                staging._queue.flush()
+        with self._turn:
+            for slot, start, chunk in self._arriving(buffer, size, first):
+                for staging, target in targets:
+                    self._copies[slot].append(staging._enqueue_write(target, chunk, first + start))
+                    staging._queue.flush()
 
     def _enqueue_write(self, buffer: cl.Buffer, chunk: np.ndarray, at: int) -> cl.Event:
         """Enqueue a copy of a page-locked chunk into a buffer from byte `at` on."""

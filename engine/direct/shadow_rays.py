@@ -21,6 +21,7 @@ from ..device.buffers import (
     zeros,
 )
 from ..device.cl_device import ComputeDevice
+from ..device.device_rows import device_rows
 from ..device.kernel import Kernel
 from ..device.opencl import cl
 from ..device.peer_threads import run_in_parallel
@@ -280,7 +281,7 @@ def glow_arguments(compute: ComputeDevice, patch_scene: PatchScene, bright: Samp
     else:
         front = back = zeros(compute, 16)
     uvs = lasting_buffer(compute, patch_scene.triangles.uvs)
-    lookups = upload_once(compute, patch_scene.texel_to_patch), uvs
+    lookups = device_rows(compute, patch_scene.entries), uvs
     return (front, back, *lookups, np.int32(patch_scene.patches.resolution))
 
 

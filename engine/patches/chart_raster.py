@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 import moderngl
 import numpy as np
@@ -44,6 +46,8 @@ TOUCHED = Drawing("conservative_coverage", ("vert", "geom", "frag"), ((1, "u4"),
 #: Number of triangles that cover each texel centre, at most 255.
 OVERLAP = Drawing("overlap", ("vert", "frag"), ((1, "f1"),), _SUM)
 
+_Image = TypeVar("_Image")
+
 _TYPES = {"u4": np.uint32, "f4": np.float32, "f1": np.uint8}
 
 #: Rows of texels above the highest corner in which drawings may still cover texels: conservative coverage
@@ -59,9 +63,24 @@ def draw_charts(
     Returns one array, (h * r, components), for each target; 0 where nothing is drawn. Rows above the first h
     have no charts.
     """
+    images = render_charts(graphics, drawing, uvs, resolution, lambda _, target: _read(target))
+    return images or [np.zeros((0, size), _TYPES[kind]) for size, kind in drawing.targets]
+
+
+def render_charts(
+    graphics: GraphicsContext,
+    drawing: Drawing,
+    uvs: np.ndarray,
+    resolution: int,
+    read: Callable[[int, moderngl.Texture], _Image],
+) -> list[_Image]:
+    """Draw as `draw_charts` does; return the results of `read` for the number and texture of each target.
+
+    The list is empty if no row has charts.
+    """
     height = _rows_with_charts(uvs, resolution)
     if not height:
-        return [np.zeros((0, size), _TYPES[kind]) for size, kind in drawing.targets]
+        return []
     context, size = graphics.context, (resolution, height)
     targets = [context.texture(size, components, dtype=kind) for components, kind in drawing.targets]
     depth = [context.depth_renderbuffer(size)] if drawing.kept == _NEAREST else []
@@ -80,23 +99,30 @@ def draw_charts(
     vertices.render(moderngl.TRIANGLES)
     _keep(context, _LAST)
 
-    images = [_read(context, target) for target in targets]
+    images = [read(number, target) for number, target in enumerate(targets)]
     graphics.check("drawing lightmap UVs")
     graphics.discard(vertices, buffer, framebuffer, *depth, *targets)
     return images
 
 
-def _read(context: moderngl.Context, target: moderngl.Texture) -> np.ndarray:
-    """Return the texels of a render target, (w * h, components).
-
-    The buffer is page-locked, so that a GPU copies into it several times as fast as into an array.
-    """
+def _read(target: moderngl.Texture) -> np.ndarray:
+    """Return the texels of a render target, (w * h, components)."""
     image = np.empty((target.width * target.height, target.components), _TYPES[target.dtype])
-    buffer = context.buffer(reserve=image.nbytes, dynamic=True)
-    target.read_into(buffer)
+    buffer = locked_copy(target)
     buffer.read_into(image)
     buffer.release()
     return image
+
+
+def locked_copy(target: moderngl.Texture) -> moderngl.Buffer:
+    """Return a buffer with the texels of a render target, to be released.
+
+    The buffer is page-locked, so that a GPU copies into it several times as fast as into an array.
+    """
+    context, texel = target.ctx, np.dtype(_TYPES[target.dtype]).itemsize * target.components
+    buffer = context.buffer(reserve=texel * target.width * target.height, dynamic=True)
+    target.read_into(buffer)
+    return buffer
 
 
 def draw_atlas(

@@ -7,16 +7,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..device.cl_device import ComputeDevice
+from ..device.device_rows import Rows, host_rows
 from ..device.gl_context import GraphicsContext
 from ..scene.model import Scene
 from ..scene.triangles import Triangles
 from ..settings import Settings
 from .border_texels import BorderTexels
+from .device_charts import DeviceCharts
+from .device_patch_list import list_patches_on
 from .edge_patch_points import inset_edge_patches
-from .geometry import TexelSteps, patch_geometry
+from .geometry import PatchGeometry, TexelSteps
 from .patch_file import list_or_load_patches
-from .patch_list import PatchList
-from .texel_coverage import border_texels, check_overlap, covered_texels, warn_uncovered
+from .patch_list import PatchList, list_patches
+from .texel_coverage import border_texels, border_texels_on, check_overlap, covered_texels, warn_uncovered
 
 
 @dataclass(frozen=True)
@@ -25,16 +28,16 @@ class ChartTexels:
 
     names:        names of the meshes
     patches:      patches of the texels whose centres are covered
-    on_triangle:  (t,) int32, number of patches on each triangle
-    entries:      (atlases, r, r) uint32, the patch + 1 of each texel, 0 for none
+    on_triangle:  (t,) int32 on host or device, number of patches on each triangle
+    entries:      (atlases, r, r) uint32 on host or device, the patch + 1 of each texel, 0 for none
     border:       all other texels that a triangle touches
     warnings:     messages for the user
     """
 
     names: tuple[str, ...]
     patches: PatchList
-    on_triangle: np.ndarray
-    entries: np.ndarray
+    on_triangle: Rows
+    entries: Rows
     border: BorderTexels
     warnings: tuple[str, ...]
 
@@ -62,11 +65,22 @@ def read_charts(
     settings: Settings,
 ) -> ChartTexels:
     """Rasterize the charts of a scene; raises SceneError, SettingsError or PatchFileError."""
-    covered = list_or_load_patches(graphics, scene, triangles, settings)
-    own, geometry = covered.on_texels(len(scene.atlases)), patch_geometry(triangles, covered, steps)
+    atlases, align = len(scene.atlases), settings.align_uvs
+    charts = compute and DeviceCharts(graphics, compute, triangles, atlases, settings.resolution)
+
+    def draw() -> tuple[PatchList, Rows | None]:
+        if charts:
+            return list_patches_on(charts, scene, align)
+        return list_patches(graphics, scene, triangles, settings.resolution, align), None
+
+    covered, counts = list_or_load_patches(scene, settings, draw)
+    own = covered.index.entries_in(atlases)
+    where = covered.triangle_rows, covered.barycentric_rows
+    geometry = PatchGeometry(triangles, steps, *where, counts)
     covered = inset_edge_patches(compute, geometry, covered, own)
+    border = border_texels_on(charts, own) if charts else border_texels(graphics, triangles, host_rows(own))
     texels = covered_texels(scene, geometry)
     warnings = warn_uncovered(scene, texels) + check_overlap(graphics, scene, triangles, covered, texels)
-    border = border_texels(graphics, triangles, own)
     names = tuple(mesh.name for mesh in scene.meshes)
-    return ChartTexels(names, covered, geometry.on_triangle, own, border, tuple(warnings))
+    on_triangle = geometry.on_triangle.astype(np.int32) if counts is None else counts
+    return ChartTexels(names, covered, on_triangle, own, border, tuple(warnings))

@@ -5,18 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from ..array_ops import any_in_rows
-from ..device.buffers import (
-    download_bytes,
-    lasting_buffer,
-    replace_rows_once,
-    upload_once,
-    words_of,
-    zeros,
-)
+from ..device.buffers import lasting_buffer, unfilled
 from ..device.cl_device import ComputeDevice
-from .border_texels import OPTIONS, SOURCE, BorderTexels, DeviceBorder
+from ..device.device_rows import DeviceRows, Rows, device_rows, host_rows
+from ..device.opencl import cl
+from .border_texels import BorderTexels
 from .geometry import PatchGeometry
 from .host_border_texels import HostBorder
+from .patch_kernels import OPTIONS, SOURCE
 from .patch_list import PatchList
 
 #: Distance in texels below which a point lies on an edge, as in kernels/patches/edge_patches.cl.
@@ -27,44 +23,38 @@ _LEADING = 0.3
 
 
 def inset_edge_patches(
-    compute: ComputeDevice | None, geometry: PatchGeometry, patches: PatchList, texel_to_patch: np.ndarray
+    compute: ComputeDevice | None, geometry: PatchGeometry, patches: PatchList, entries: Rows
 ) -> PatchList:
     """Move patches on a chart edge to the centroid of the covered part of their texel; return all patches.
 
     Rays from a point on the edge between two walls would miss the other wall.
 
-    texel_to_patch:  (atlases, r, r) uint32 of `PatchList.on_texels`
+    geometry:  geometry of the patches
+    entries:   (atlases, r, r) uint32 on host or device, see `PatchList.on_texels`
     """
     if compute:
-        found = _found_on_edges(compute, geometry, patches, texel_to_patch)
-    else:
-        found = _at_ends_of_charts(patches, texel_to_patch, geometry)
+        return patches.moved(_inset_on(compute, geometry, patches, entries))
+    found = _at_ends_of_charts(patches, host_rows(entries), geometry)
     if not len(found):
         return patches
     border = BorderTexels(patches.key[found], patches.triangle[found])
-    texels = DeviceBorder(compute, geometry, border) if compute else HostBorder(geometry, border)
-    middles = texels.middles(np.arange(len(found)), patches.resolution)
     barycentric = patches.barycentric.copy()
-    barycentric[found] = middles
-    if compute:
-        replace_rows_once(compute, patches.barycentric, barycentric, found)
+    barycentric[found] = HostBorder(geometry, border).middles(np.arange(len(found)), patches.resolution)
     return patches.moved(barycentric)
 
 
-def _found_on_edges(
-    compute: ComputeDevice, geometry: PatchGeometry, patches: PatchList, texel_to_patch: np.ndarray
-) -> np.ndarray:
-    """Find the patches on chart edges with an OpenCL kernel; return their indices, (k,) int64."""
-    (kernel,) = compute.kernels(SOURCE, "find_edge_patches", options=OPTIONS)
-    arrays = texel_to_patch, patches.triangle, patches.barycentric
-    uvs = lasting_buffer(compute, geometry.triangles.uvs)
-    inputs = [uvs, *(upload_once(compute, array) for array in arrays)]
-    size = texel_to_patch.size
-    marks = zeros(compute, words_of(size))
-    compute.run(kernel, size, *inputs, np.int32(patches.resolution), marks, np.int32(size))
-    texels = np.flatnonzero(download_bytes(compute, marks, size).view(bool))
-    found: np.ndarray = texel_to_patch.ravel()[texels].astype(np.int64) - 1
-    return found
+def _inset_on(
+    compute: ComputeDevice, geometry: PatchGeometry, patches: PatchList, entries: Rows
+) -> DeviceRows:
+    """Find and move the patches on chart edges with an OpenCL kernel; return all barycentrics."""
+    (kernel,) = compute.kernels(SOURCE, "inset_edge_patches", options=OPTIONS)
+    uvs, size = lasting_buffer(compute, geometry.triangles.uvs), len(patches) * 12
+    moved = unfilled(compute, size)
+    triangle, barycentric = geometry.on_device(compute)
+    cl.enqueue_copy(compute.queue, moved, barycentric, byte_count=size)
+    own, texels = device_rows(compute, entries), entries.size
+    compute.run(kernel, texels, uvs, own, triangle, moved, np.int32(patches.resolution), np.int32(texels))
+    return DeviceRows(compute, moved, (len(patches), 3), np.float32)
 
 
 def _at_ends_of_charts(patches: PatchList, texel_to_patch: np.ndarray, geometry: PatchGeometry) -> np.ndarray:

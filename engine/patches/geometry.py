@@ -8,6 +8,9 @@ from functools import cached_property, partial
 import numpy as np
 
 from ..array_ops import JoinedRows, map_blocks, run_counts, take_rows
+from ..device.cl_device import ComputeDevice
+from ..device.device_rows import Rows, device_rows, host_rows
+from ..device.opencl import cl
 from ..scene.triangles import Triangles
 from .patch_list import PatchList
 
@@ -66,25 +69,39 @@ class TexelSteps:
 class PatchGeometry:
     """World-space geometry of patches, computed on first use.
 
-    triangles:    triangles of the scene
-    steps:        world-space texel steps of the triangles
-    triangle:     (n,) int32, index into `triangles`
-    barycentric:  (n, 3) float32, position on the triangle
-    counts:       (t,) int32, number of patches on each triangle; None to compute it
-    width:        width of a patch, texels
+    triangles:         triangles of the scene
+    steps:             world-space texel steps of the triangles
+    triangle_rows:     (n,) int32 on host or device, index into `triangles`
+    barycentric_rows:  (n, 3) float32 on host or device, position on the triangle
+    counts:            (t,) int32 on host or device, number of patches on each triangle; None to compute it
+    width:             width of a patch, texels
     """
 
     def __init__(
         self,
         triangles: Triangles,
         steps: TexelSteps,
-        triangle: np.ndarray,
-        barycentric: np.ndarray,
-        counts: np.ndarray | None = None,
+        triangle_rows: Rows,
+        barycentric_rows: Rows,
+        counts: Rows | None = None,
         width: float = 1.0,
     ) -> None:
         self.triangles, self.steps, self.width = triangles, steps, width
-        self.triangle, self.barycentric, self._counts = triangle, barycentric, counts
+        self.triangle_rows, self.barycentric_rows, self._counts = triangle_rows, barycentric_rows, counts
+
+    @property
+    def triangle(self) -> np.ndarray:
+        """Triangle of each patch, (n,) int32, index into `triangles`."""
+        return host_rows(self.triangle_rows)
+
+    @property
+    def barycentric(self) -> np.ndarray:
+        """Position on the triangle, (n, 3) float32."""
+        return host_rows(self.barycentric_rows)
+
+    def on_device(self, compute: ComputeDevice) -> tuple[cl.Buffer, cl.Buffer]:
+        """Return the buffers of `triangle` and `barycentric`."""
+        return device_rows(compute, self.triangle_rows), device_rows(compute, self.barycentric_rows)
 
     def subset(self, chosen: slice | np.ndarray) -> PatchGeometry:
         """Return the geometry of a subset of the patches."""
@@ -93,14 +110,16 @@ class PatchGeometry:
 
     def at(self, patches: PatchList) -> PatchGeometry:
         """Return the geometry of patches at other positions on the same triangles."""
-        counts = self._counts if patches.triangle is self.triangle else None
-        where = patches.triangle, patches.barycentric
+        counts = self._counts if patches.triangle_rows is self.triangle_rows else None
+        where = patches.triangle_rows, patches.barycentric_rows
         return PatchGeometry(self.triangles, self.steps, *where, counts, self.width)
 
     @cached_property
     def on_triangle(self) -> np.ndarray:
         """Number of patches on each triangle, (t,) int32."""
-        return run_counts(self.triangle, len(self.triangles.mesh)) if self._counts is None else self._counts
+        if self._counts is None:
+            return run_counts(self.triangle, len(self.triangles.mesh))
+        return host_rows(self._counts)
 
     @cached_property
     def center(self) -> np.ndarray:
@@ -146,7 +165,7 @@ class PatchGeometry:
 
     def _interpolated(self, corners: np.ndarray | JoinedRows) -> np.ndarray:
         """Interpolate corner values, (t, 3, 3), at the patches: (n, 3) float32."""
-        values = np.empty((len(self.triangle), 3), np.float32)
+        values = np.empty((len(self.triangle_rows), 3), np.float32)
         for first in range(0, len(values), _BLOCK):
             here = slice(first, first + _BLOCK)
             mine = corners.take(self.triangle[here], axis=0)
@@ -159,7 +178,7 @@ def patch_geometry(
 ) -> PatchGeometry:
     """Return the world-space geometry of all patches; steps: texel steps, None to compute them."""
     steps = steps or texel_steps(triangles, patches.resolution)
-    return PatchGeometry(triangles, steps, patches.triangle, patches.barycentric)
+    return PatchGeometry(triangles, steps, patches.triangle_rows, patches.barycentric_rows)
 
 
 def scaled(values: np.ndarray, factor: float) -> np.ndarray:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from .border_texels import OFFSETS, WITHIN, BorderTexels
+from .border_texels import OFFSETS, BorderTexels
 from .geometry import PatchGeometry
+from .patch_kernels import WITHIN
 from .patch_list import PatchList
 from .texel_clip import clipped_centroids
 

@@ -9,16 +9,16 @@ from __future__ import annotations
 
 import struct
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
-from ..device.gl_context import GraphicsContext
+from ..device.device_rows import Rows
 from ..errors import PatchFileError
 from ..scene.model import Scene
-from ..scene.triangles import Triangles
 from ..settings import Settings
-from .patch_list import PatchList, list_patches
+from .patch_list import PatchList
 
 _MAGIC = b"HEMIPATC"
 _VERSION = 1
@@ -32,20 +32,23 @@ _BARYCENTRIC_TOLERANCE = 1e-3
 
 
 def list_or_load_patches(
-    graphics: GraphicsContext, scene: Scene, triangles: Triangles, settings: Settings
-) -> PatchList:
+    scene: Scene, settings: Settings, draw: Callable[[], tuple[PatchList, Rows | None]]
+) -> tuple[PatchList, Rows | None]:
     """Read the patch list from `settings.patch_file`; without such a file create the list and write it there.
 
-    Raises PatchFileError if the file is unusable or cannot be written, and SceneError as `list_patches` does.
+    Returns the patches, and the number of patches on each triangle if known. Raises PatchFileError if the
+    file is unusable or cannot be written.
+
+    draw:  creates the list
     """
     if settings.patch_file is None:
-        return list_patches(graphics, scene, triangles, settings.resolution, settings.align_uvs)
+        return draw()
     path = Path(settings.patch_file)
     if path.exists():
-        return read_patches(path, scene, settings.resolution, settings.align_uvs)
-    patches = list_patches(graphics, scene, triangles, settings.resolution, settings.align_uvs)
+        return read_patches(path, scene, settings.resolution, settings.align_uvs), None
+    patches, counts = draw()
     write_patches(path, scene, patches, settings.align_uvs)
-    return patches
+    return patches, counts
 
 
 def write_patches(path: Path, scene: Scene, patches: PatchList, align: bool = False) -> None:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from ..array_ops import indices_where, map_slabs, take_rows, taken
+from ..device.device_rows import DeviceRows, Rows, host_rows
 from ..device.gl_context import GraphicsContext
 from ..errors import SceneError
 from ..scene.model import Scene
@@ -25,21 +25,36 @@ class TexelIndex:
     atlas, texel:  (n,) int32, see `PatchList`
     """
 
+    texel_rows: Rows
+
     def __init__(self, resolution: int, atlas: np.ndarray, texel: np.ndarray) -> None:
-        self._resolution = resolution
-        self.key = key = np.empty(len(texel), np.int64)
+        self.resolution, self.atlas, self.texel_rows = resolution, atlas, texel
+        self._entries: dict[int, np.ndarray] = {}
+
+    def __len__(self) -> int:
+        return len(self.texel_rows)
+
+    @property
+    def texel(self) -> np.ndarray:
+        """Texel of each patch, (n,) int32."""
+        return host_rows(self.texel_rows)
+
+    @cached_property
+    def key(self) -> np.ndarray:
+        """Flat texel index, see `PatchList.key`."""
+        key = np.empty(len(self), np.int64)
 
         def number(slab: slice) -> None:
-            key[slab] = atlas[slab]
-            key[slab] *= resolution**2
-            key[slab] += texel[slab]
+            key[slab] = self.atlas[slab]
+            key[slab] *= self.resolution**2
+            key[slab] += self.texel[slab]
 
         map_slabs(len(key), 16, number)
-        self._entries: dict[int, np.ndarray] = {}
+        return key
 
     def count_in(self, atlases: int) -> int:
         """Return the number of patches in the first `atlases` atlases, which come before all others."""
-        return int(np.searchsorted(self.key, atlases * self._resolution**2))
+        return int(np.searchsorted(self.key, atlases * self.resolution**2))
 
     def on_texels(self, atlases: int) -> np.ndarray:
         """Return the patch + 1 of each texel, (atlases, r, r) uint32, 0 for none.
@@ -52,10 +67,14 @@ class TexelIndex:
             self._entries[atlases] = whole[:atlases]
         return self._entries[atlases]
 
+    def entries_in(self, atlases: int) -> Rows:
+        """Return `on_texels` of all atlases, on host or device."""
+        return self.on_texels(atlases)
+
     def _numbered(self, atlases: int) -> np.ndarray:
-        """Return a new array of `on_texels`, read-only."""
+        """Return an array of `on_texels` for at least some atlases, read-only."""
         count = self.count_in(atlases)
-        entries = np.zeros((atlases, self._resolution, self._resolution), np.uint32)
+        entries = np.zeros((atlases, self.resolution, self.resolution), np.uint32)
         flat, key = entries.ravel(), self.key[:count]
 
         def number(slab: slice) -> None:
@@ -66,9 +85,42 @@ class TexelIndex:
         return entries
 
 
-@dataclass(frozen=True)
+class DeviceTexelIndex(TexelIndex):
+    """Lookup on the OpenCL device; host copies are made on first use.
+
+    resolution:  width and height of the lightmaps, texels
+    counts:      (atlases,) int64, number of patches in each atlas
+    texel_rows:  (n,) int32, see `PatchList.texel`
+    entries:     (atlases, r, r) uint32, see `PatchList.on_texels`
+    """
+
+    def __init__(
+        self, resolution: int, counts: np.ndarray, texel_rows: DeviceRows, entries: DeviceRows
+    ) -> None:
+        self.resolution, self.counts, self.texel_rows, self.entries = resolution, counts, texel_rows, entries
+        self._entries: dict[int, np.ndarray] = {}
+
+    @cached_property
+    def atlas(self) -> np.ndarray:  # type: ignore[override]
+        """Atlas of each patch, (n,) int32."""
+        return np.repeat(np.arange(len(self.counts), dtype=np.int32), self.counts)
+
+    def count_in(self, atlases: int) -> int:
+        """Return the number of patches in the first `atlases` atlases."""
+        return int(self.counts[:atlases].sum())
+
+    def entries_in(self, atlases: int) -> Rows:
+        """Return `on_texels` of all atlases on the device."""
+        return self.entries
+
+    def _numbered(self, atlases: int) -> np.ndarray:
+        return self.entries.on_host
+
+
 class PatchList:
     """Lightmap texel and surface point of each patch, sorted by atlas and texel.
+
+    Columns on the OpenCL device are copied to the host on first use.
 
     resolution:   width and height of the lightmaps, texels
     atlas:        (n,) int32
@@ -76,42 +128,78 @@ class PatchList:
     triangle:     (n,) int32, index into `Triangles`
     barycentric:  (n, 3) float32, surface point, each in [0, 1], sum 1: the texel centre, or the centroid of
                   the covered part of the texel
-    index:        lookup shared with a list on the same texels; None to create it
     """
 
-    resolution: int
-    atlas: np.ndarray
-    texel: np.ndarray
-    triangle: np.ndarray
-    barycentric: np.ndarray
-    index: TexelIndex | None = field(default=None, repr=False, compare=False, kw_only=True)
+    def __init__(
+        self,
+        resolution: int,
+        atlas: np.ndarray,
+        texel: np.ndarray,
+        triangle: np.ndarray,
+        barycentric: np.ndarray,
+    ) -> None:
+        self._set(TexelIndex(resolution, atlas, texel), triangle, barycentric)
+
+    @classmethod
+    def on(cls, index: TexelIndex, triangle_rows: Rows, barycentric_rows: Rows) -> PatchList:
+        """Return patches on the texels of an index, with columns on host or device."""
+        patches = cls.__new__(cls)
+        patches._set(index, triangle_rows, barycentric_rows)
+        return patches
+
+    def _set(self, index: TexelIndex, triangle_rows: Rows, barycentric_rows: Rows) -> None:
+        self.resolution, self.index = index.resolution, index
+        self.triangle_rows, self.barycentric_rows = triangle_rows, barycentric_rows
 
     def __len__(self) -> int:
-        return len(self.texel)
+        return len(self.index)
 
-    @cached_property
-    def _index(self) -> TexelIndex:
-        return self.index or TexelIndex(self.resolution, self.atlas, self.texel)
+    def __eq__(self, other: object) -> bool:
+        return (
+            isinstance(other, PatchList)
+            and self.resolution == other.resolution
+            and all(np.array_equal(getattr(self, name), getattr(other, name)) for name in _COLUMNS)
+        )
+
+    @property
+    def atlas(self) -> np.ndarray:
+        """Atlas of each patch, (n,) int32."""
+        return self.index.atlas
+
+    @property
+    def texel(self) -> np.ndarray:
+        """Texel of each patch in its atlas, (n,) int32."""
+        return self.index.texel
+
+    @property
+    def triangle(self) -> np.ndarray:
+        """Triangle of each patch, (n,) int32."""
+        return host_rows(self.triangle_rows)
+
+    @property
+    def barycentric(self) -> np.ndarray:
+        """Point of each patch on its triangle, (n, 3) float32."""
+        return host_rows(self.barycentric_rows)
 
     @property
     def key(self) -> np.ndarray:
         """Flat texel index, (n,) int64, ascending: (atlas * resolution + row) * resolution + column."""
-        return self._index.key
+        return self.index.key
 
     def count_in(self, atlases: int) -> int:
         """Return the number of patches in the first `atlases` atlases, which come before all others."""
-        return self._index.count_in(atlases)
+        return self.index.count_in(atlases)
 
     def on_texels(self, atlases: int) -> np.ndarray:
         """Return the patch + 1 of each texel of the first atlases, (atlases, r, r) uint32; 0 for none.
 
         The array is cached and read-only.
         """
-        return self._index.on_texels(atlases)
+        return self.index.on_texels(atlases)
 
-    def moved(self, barycentric: np.ndarray) -> PatchList:
+    def moved(self, barycentric_rows: Rows) -> PatchList:
         """Return patches on the same texels and triangles, at other barycentrics, (n, 3) float32."""
-        return replace(self, barycentric=barycentric, index=self._index)
+        return PatchList.on(self.index, self.triangle_rows, barycentric_rows)
 
     def subset(self, chosen: slice | np.ndarray) -> PatchList:
         """Return a subset of the patches, by a slice, a mask or indices."""
@@ -132,12 +220,7 @@ def list_patches(
     drawn = [_drawn_in(graphics, drawing, triangles, atlas, resolution) for atlas in atlases]
     counts = [len(texel) for texel, _, _ in drawn]
     if not any(counts):
-        names = ", ".join(f"'{mesh.name}'" for mesh in scene.meshes[:5])
-        raise SceneError(
-            f"No texel of a {resolution} x {resolution} lightmap lies on a surface: "
-            f"the lightmap UVs of {names} are too small or have no area. "
-            "Unwrap them again or raise the resolution."
-        )
+        raise nothing_covered(scene, resolution)
     texel, triangle = (np.empty(sum(counts), np.int32) for _ in range(2))
     barycentric, ends = np.empty((sum(counts), 3), np.float32), np.cumsum(counts)
     for end, count, parts in zip(ends, counts, drawn, strict=True):
@@ -146,6 +229,16 @@ def list_patches(
         _complete(parts[2], barycentric[here])
     atlas = np.repeat(np.arange(len(atlases), dtype=np.int32), counts)
     return PatchList(resolution, atlas, texel, triangle, barycentric)
+
+
+def nothing_covered(scene: Scene, resolution: int) -> SceneError:
+    """Return the error for a scene without any covered texel centre."""
+    names = ", ".join(f"'{mesh.name}'" for mesh in scene.meshes[:5])
+    return SceneError(
+        f"No texel of a {resolution} x {resolution} lightmap lies on a surface: "
+        f"the lightmap UVs of {names} are too small or have no area. "
+        "Unwrap them again or raise the resolution."
+    )
 
 
 def _drawn_in(

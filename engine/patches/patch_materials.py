@@ -10,13 +10,15 @@ from typing import Any
 import numpy as np
 
 from ..array_ops import any_in_rows, indices_where, take_rows, taken
-from ..device.buffers import upload, upload_once
+from ..device.buffers import upload
 from ..device.cl_device import ComputeDevice
 from ..device.device_array import DeviceArray, Values, colors_on_host, values_at
+from ..device.device_rows import device_rows, take_numbers
 from ..nonzero import note_rows, rows_once
 from ..scene.digests import same_values
 from ..scene.model import Scene
 from ..scene.texture import Texture
+from .device_charts import listed_entries
 from .geometry import PatchGeometry
 from .host_texture_means import multiply_on_host
 from .texture_means import TextureMeans
@@ -172,10 +174,10 @@ def _made_surfaces(
     )
 
     # Few materials emit, so only their patches are written and tested.
-    emitting = _emitting(scene, geometry)
-    emission = np.zeros((len(geometry.triangle), 3), np.float32)
+    emitting, material = _emitting(device, scene, geometry)
+    emission = np.zeros((len(geometry.triangle_rows), 3), np.float32)
     colors = np.array([material.emission for material in scene.materials], np.float32)
-    emission[emitting] = colors[geometry.triangles.material[geometry.triangle[emitting]]]
+    emission[emitting] = colors[material]
     _multiply(device, scene, geometry, resolution, list(zip((reflectance, emission), maps, strict=True)))
     back_emission = _back_emission(compute, scene, geometry, resolution)
     note_rows(emission, emitting)
@@ -222,13 +224,26 @@ def _maps(scene: Scene, kind: str) -> list[Texture | None]:
     return [getattr(material, f"{kind}_map") for material in scene.materials]
 
 
-def _emitting(scene: Scene, geometry: PatchGeometry) -> np.ndarray:
-    """Return the patches of emissive materials, (k,) int64; their textures may be black there."""
+def _emitting(
+    compute: ComputeDevice | None, scene: Scene, geometry: PatchGeometry
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the patches of emissive materials, (k,) int64, and their materials, (k,) integers.
+
+    Textures may be black there.
+    """
     emits = np.array([material.emission.any() for material in scene.materials], bool)
     if not emits.any():
-        return np.zeros(0, np.int64)
-    of_triangle, triangle = emits.take(geometry.triangles.material), geometry.triangle
-    return indices_where(len(triangle), 5, lambda slab: of_triangle.take(triangle[slab]))
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    material = geometry.triangles.material
+    if compute and len(geometry.triangle_rows):
+        count, triangles = len(geometry.triangle_rows), device_rows(compute, geometry.triangle_rows)
+        number = np.where(emits, np.arange(1, len(emits) + 1), 0).astype(np.uint32)
+        of_patch = take_numbers(compute, upload(compute, number[material]), triangles, count)
+        patches, materials = listed_entries(compute, of_patch, 1, count)
+        return patches.on_host.astype(np.int64), materials.on_host
+    of_triangle, triangle = emits.take(material), geometry.triangle
+    patch = indices_where(len(triangle), 5, lambda slab: of_triangle.take(triangle[slab]))
+    return patch, material[triangle[patch]]
 
 
 def _multiply(
@@ -267,7 +282,7 @@ def _constants(scene: Scene, kind: str, geometry: PatchGeometry) -> np.ndarray:
     """Return the color of each patch's material for `kind`, without textures, (n, 3) float32."""
     colors = [getattr(material, kind) for material in scene.materials]
     if not np.any(colors):
-        return np.zeros((len(geometry.triangle), 3), np.float32)
+        return np.zeros((len(geometry.triangle_rows), 3), np.float32)
     return taken(_of_triangles(colors, geometry), geometry.triangle)
 
 
@@ -275,7 +290,7 @@ def _constants_on(compute: ComputeDevice, scene: Scene, geometry: PatchGeometry)
     """Return the reflectance of each patch's material, without textures, on the OpenCL device."""
     colors = _of_triangles([material.reflectance for material in scene.materials], geometry)
     of_triangle = DeviceArray(compute, upload(compute, colors), len(colors))
-    return of_triangle.taken(upload_once(compute, geometry.triangle), len(geometry.triangle))
+    return of_triangle.taken(device_rows(compute, geometry.triangle_rows), len(geometry.triangle_rows))
 
 
 def _of_triangles(colors: Sequence[np.ndarray], geometry: PatchGeometry) -> np.ndarray:

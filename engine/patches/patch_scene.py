@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from ..device.cl_device import ComputeDevice
+from ..device.device_rows import Rows, host_rows
 from ..device.gl_context import GraphicsContext
 from ..scene.cutouts import Cutouts, read_cutouts
 from ..scene.model import Scene
@@ -30,7 +31,7 @@ class PatchScene:
     patches:         list of the texels that are patches
     geometry:        triangle and barycentric coordinates of each patch, with what follows from them
     surfaces:        reflectance and emission of the patches
-    texel_to_patch:  (atlases, r, r) uint32 index map: patch + 1, or 0
+    entries:         (atlases, r, r) uint32 on host or device, index map: patch + 1, or 0
     warnings:        sentences for the user
     back_to_back:    True if there are coincident faces that point in opposite directions
     charts:          rasterized charts, from which the next subdivision may start; None if unknown
@@ -44,7 +45,7 @@ class PatchScene:
     patches: PatchList
     geometry: PatchGeometry
     surfaces: PatchMaterials
-    texel_to_patch: np.ndarray
+    entries: Rows
     warnings: tuple[str, ...]
     back_to_back: bool = False
     charts: ChartTexels | None = None
@@ -68,6 +69,11 @@ class PatchScene:
         own = surfaces.own
         sides = None if own is None else pair_sides(self.triangles, self.patches, own)
         return replace(self, surfaces=surfaces, sides=sides)
+
+    @property
+    def texel_to_patch(self) -> np.ndarray:
+        """Index map on the host, (atlases, r, r) uint32: patch + 1, or 0."""
+        return host_rows(self.entries)
 
     @cached_property
     def sources(self) -> int:
@@ -94,10 +100,12 @@ def make_patch_scene(
     charts = last.charts if last else None
     if last is None or charts is None or not charts.fits(scene, triangles, last.triangles):
         charts, last = read_charts(graphics, compute, scene, triangles, steps, settings), None
-    where = charts.patches.triangle, charts.patches.barycentric
+    where = charts.patches.triangle_rows, charts.patches.barycentric_rows
     covered = PatchGeometry(triangles, steps, *where, charts.on_triangle)
     index = index_map(compute, covered, charts, last.index if last else None)
-    patches, geometry = index.patches, covered.at(index.patches)
+    patches = index.patches
+    where = patches.triangle_rows, patches.barycentric_rows
+    geometry = PatchGeometry(triangles, steps, *where, index.on_triangle)
 
     # Reuse the materials of patches if neither the patches nor the materials of their triangles have changed.
     known = None
@@ -110,10 +118,11 @@ def make_patch_scene(
         patches=patches,
         geometry=geometry,
         surfaces=surfaces,
-        texel_to_patch=index.texel_to_patch,
+        entries=index.texel_to_patch,
         warnings=charts.warnings,
         charts=charts,
         index=index,
+        source_count=len(patches),
     ).with_surfaces(surfaces)
 
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..array_ops import any_in_rows, indices_where, taken
+from ..device.device_rows import Rows, device_rows, rows_at
 from ..device.gl_context import GraphicsContext
 from ..errors import OverlapError
 from ..object_message import counted, object_message
@@ -14,11 +15,20 @@ from ..scene.model import Scene
 from ..scene.triangles import Triangles
 from .border_texels import BorderTexels
 from .chart_raster import OVERLAP, TOUCHED, draw_atlas, drawn_triangles
+from .device_charts import DeviceCharts, listed_entries
 from .geometry import PatchGeometry
 from .patch_list import PatchList
 
 #: Fraction of an object's texels that may be covered twice before its charts count as overlapping.
 _OVERLAP_TOLERANCE = 0.005
+
+
+def border_texels_on(charts: DeviceCharts, entries: Rows) -> BorderTexels:
+    """Return the border texels as `border_texels` does, on the OpenCL device."""
+    compute = charts.compute
+    (touched,) = charts.drawn(TOUCHED)
+    own = device_rows(compute, entries)
+    return BorderTexels(*listed_entries(compute, touched, charts.atlases, charts.texels, own))
 
 
 def border_texels(
@@ -92,11 +102,13 @@ def check_overlap(
     found = []
     for atlas in range(len(scene.atlases)):
         (count,) = draw_atlas(graphics, OVERLAP, triangles, atlas, patches.resolution)
-        found.append(atlas * patches.resolution**2 + np.flatnonzero(count[:, 0] > 1))
-    keys = np.concatenate(found)
-    place = np.searchsorted(patches.key, keys).clip(max=len(patches) - 1)
-    twice = place[patches.key[place] == keys]
-    mesh = triangles.mesh[patches.triangle[twice]]
+        if count.max(initial=0) > 1:
+            found.append(atlas * patches.resolution**2 + np.flatnonzero(count[:, 0] > 1))
+    if not found:
+        return []
+    entries = rows_at(patches.index.entries_in(len(scene.atlases)), np.concatenate(found)).astype(np.int64)
+    twice = entries[entries > 0] - 1
+    mesh = triangles.mesh[rows_at(patches.triangle_rows, twice)]
 
     # Rounding errors at shared chart borders make at most a few texels count twice.
     doubled = np.bincount(mesh, minlength=len(scene.meshes))

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..array_ops import taken
-from ..device.buffers import insert_rows_once
 from ..device.cl_device import ComputeDevice
-from .border_texels import BorderTexels, DeviceBorder
+from ..device.device_rows import Rows, host_rows
+from .border_texels import BorderTexels
 from .chart_texels import ChartTexels
+from .device_border import DeviceBorder
 from .geometry import PatchGeometry
 from .host_border_texels import HostBorder
 from .patch_list import PatchList
@@ -26,15 +27,23 @@ class IndexMap:
     """Index map with the data to update it.
 
     patches:         all patches, including patches of thin surfaces
-    texel_to_patch:  (atlases, r, r) uint32, patch + 1, or 0
-    nearest:         (m,) uint32, nearest chart patch + 1 on the surface of each border texel, or 0
-    inside:          (m,) bool, True if the surface reaches into the texel, beyond its border
+    texel_to_patch:  (atlases, r, r) uint32 on host or device, patch + 1, or 0
+    nearest:         (m,) uint32 on host or device, nearest chart patch + 1 on the surface of each border
+                     texel, or 0
+    inside:          (m,) integers or bool, not 0 if the surface reaches into the texel, beyond its border
+    on_triangle:     (t,) int32, number of patches on each triangle; None to compute it
     """
 
     patches: PatchList
-    texel_to_patch: np.ndarray
-    nearest: np.ndarray
-    inside: np.ndarray
+    texel_to_patch: Rows
+    nearest: Rows
+    inside: Rows
+    on_triangle: Rows | None = None
+
+    def fits(self, nearest: Rows, inside: Rows) -> bool:
+        """Return True if border texels have these nearest patches."""
+        pairs = (nearest, self.nearest), (inside, self.inside)
+        return all(np.array_equal(host_rows(new), host_rows(old)) for new, old in pairs)
 
 
 def index_map(
@@ -50,36 +59,47 @@ def index_map(
     patches, border = charts.patches, charts.border
     if not len(border):
         none = np.zeros(0, np.uint32), np.zeros(0, bool)
-        return before or IndexMap(patches, charts.entries, *none)
-    texels = DeviceBorder(compute, geometry, border) if compute else HostBorder(geometry, border)
-    nearest, inside = texels.nearest_patches(patches, charts.entries)
+        return before or IndexMap(patches, charts.entries, *none, charts.on_triangle)
+    if compute:
+        return _index_on(DeviceBorder(compute, geometry, border), charts, before)
+    entries, texels = host_rows(charts.entries), HostBorder(geometry, border)
+    nearest, inside = texels.nearest_patches(patches, entries)
     found = nearest
-    if before and np.array_equal(nearest, before.nearest) and np.array_equal(inside, before.inside):
+    if before and before.fits(nearest, inside):
         return before
 
     # Patches of thin surfaces lie at the centroid of the covered part. Rays from a point on an edge would
     # miss adjacent surfaces.
-    entries = charts.entries
+    counts: Rows | None = charts.on_triangle
     thin = np.flatnonzero((nearest == 0) & inside)
     if len(thin):
-        middle = texels.middles(thin, patches.resolution)
-        patches = _with_thin(compute, patches, border.subset(thin), middle)
+        counts = None
+        patches = _with_thin(patches, border.subset(thin), texels.middles(thin, patches.resolution))
         entries = patches.on_texels(len(entries))
         nearest, _ = texels.nearest_patches(patches, entries)
         nearest[thin] = entries.ravel()[border.texel[thin]]
     texel_to_patch = entries.copy()
     texel_to_patch.ravel()[border.texel] = nearest
-    return IndexMap(patches, texel_to_patch, found, inside)
+    return IndexMap(patches, texel_to_patch, found, inside, counts)
 
 
-def _with_thin(
-    compute: ComputeDevice | None, patches: PatchList, thin: BorderTexels, middle: np.ndarray
-) -> PatchList:
+def _index_on(border: DeviceBorder, charts: ChartTexels, before: IndexMap | None) -> IndexMap:
+    """Assign a patch to each touched texel as `index_map` does, on the OpenCL device."""
+    patches, entries, counts = charts.patches, charts.entries, charts.on_triangle
+    nearest, inside, thin = border.nearest_patches(patches, entries)
+    if before and before.fits(nearest, inside):
+        return before
+    of_border, chosen = nearest, border.listed(thin)
+    if len(chosen):
+        patches, counts = border.with_thin(patches, entries, counts, chosen)
+        entries = patches.index.entries_in(len(entries))
+        of_border, *_ = border.nearest_patches(patches, entries)
+    return IndexMap(patches, border.filled(entries, of_border), nearest, inside, counts)
+
+
+def _with_thin(patches: PatchList, thin: BorderTexels, middle: np.ndarray) -> PatchList:
     """Return the patches merged with patches on thin surfaces, sorted by atlas and texel.
 
-    The device copies of the patch arrays are updated too.
-
-    compute:  OpenCL device; None on the host
     patches:  patches of the charts
     thin:     border texels of thin surfaces
     middle:   (k, 3) float32, barycentrics of the new patches
@@ -92,11 +112,7 @@ def _with_thin(
     rows = np.searchsorted(patches.key, thin.texel) + np.arange(len(thin))
     order = np.arange(len(patches) + len(thin))
     order -= np.repeat(np.arange(len(thin) + 1), np.diff(rows, prepend=0, append=len(order)))
-    every = PatchList(patches.resolution, *(_inserted(old, new, rows, order) for old, new in columns))
-    if compute and len(patches):
-        insert_rows_once(compute, patches.triangle, every.triangle, rows)
-        insert_rows_once(compute, patches.barycentric, every.barycentric, rows)
-    return every
+    return PatchList(patches.resolution, *(_inserted(old, new, rows, order) for old, new in columns))
 
 
 def _inserted(old: np.ndarray, new: np.ndarray, rows: np.ndarray, order: np.ndarray) -> np.ndarray:

@@ -6,15 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..device.buffers import upload, upload_once
+from ..device.buffers import upload
 from ..device.cl_device import ComputeDevice
 from ..device.device_array import DeviceArray, Values
 from ..device.opencl import cl
 from ..scene.cutouts import EXTENSIONS
 from ..scene.model import Mesh
 from ..scene.texture import Texture
-from .border_texels import OPTIONS, SOURCE
 from .geometry import PatchGeometry
+from .patch_kernels import OPTIONS, SOURCE
 from .textured import TexturedPatches, averaged_size
 
 #: Maximum bytes of an image strip that the box filter reduces in one step.
@@ -30,7 +30,7 @@ class TextureMeans:
 
     def __init__(self, compute: ComputeDevice, geometry: PatchGeometry, meshes: Sequence[Mesh]) -> None:
         self._compute, self._geometry, self._meshes = compute, geometry, meshes
-        self._points = upload_once(compute, geometry.triangle), upload_once(compute, geometry.barycentric)
+        self._points = geometry.on_device(compute)
         self._image: tuple[tuple, cl.Buffer] | None = None
         names = "texture_mean", "downsample"
         self._mean, self._shrink = compute.kernels(SOURCE, *names, options=OPTIONS)

@@ -182,7 +182,7 @@ class SessionCache:
 
         Patch groups with the same representatives may have other members, so that the index maps differ.
         """
-        inputs = patch_scene.patches, patch_scene.texel_to_patch, invalid
+        inputs = patch_scene.patches, patch_scene.entries, invalid
         return self._substitutes.get(inputs, lambda: find_substitutes(patch_scene, invalid, compute))
 
     def inside(self, rays: RayScene) -> np.ndarray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..device.buffers import download, upload, upload_once
+from ..device.device_rows import device_rows
 from ..device.opencl import cl
 from ..patches.patch_scene import PatchScene
 from ..scene.color import channel_sum
@@ -45,7 +46,7 @@ class Interpolation:
         numbers = group.astype(np.int32), representative.astype(np.int32)
         self._count = len(patches)
         self._where = (
-            upload_once(self._compute, patch_scene.texel_to_patch),
+            device_rows(self._compute, patch_scene.entries),
             np.int32(patches.resolution), np.int32(width),
             *(upload_once(self._compute, array) for array in (patches.atlas, patches.texel)),
             *(upload(self._compute, array) for array in numbers),

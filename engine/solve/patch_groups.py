@@ -18,6 +18,7 @@ from ..array_ops import has_nonzero, map_slabs, taken
 from ..device.buffers import download, float4_of, upload, upload_once
 from ..device.cl_device import ComputeDevice
 from ..device.device_array import DeviceArray, Values
+from ..device.device_rows import device_rows
 from ..device.opencl import cl
 from ..device.planned_program import Source
 from ..patches.patch_materials import PatchMaterials
@@ -83,7 +84,7 @@ class PatchGroups:
             patches=patch_scene.patches.subset(representative),
             geometry=patch_scene.geometry.subset(representative),
             surfaces=surfaces,
-            texel_to_patch=self.texel_to_group,
+            entries=self.texel_to_group,
             source_count=None,
         )
 
@@ -220,7 +221,7 @@ def group_representatives(
     """
     compute, patches = rays.compute, patch_scene.patches
     (group_patches,) = compute.kernels(SOURCE, "group_patches")
-    lookup, texels = upload_once(compute, patch_scene.texel_to_patch), upload_once(compute, patches.texel)
+    lookup, texels = (device_rows(compute, rows) for rows in (patch_scene.entries, patches.index.texel_rows))
     arrays = (patch_scene.geometry.material, radiance, inside.view(np.uint8))
     materials, light, apart = (upload(compute, array) for array in arrays)
     leaders = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 4 * len(patches))

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..device.buffers import download, lasting_buffer, upload, upload_once
 from ..device.cl_device import ComputeDevice
+from ..device.device_rows import device_rows
 from ..device.opencl import cl
 from ..patches.patch_scene import PatchScene
 from ..scene.color import luminance
@@ -34,8 +35,8 @@ def lit_backs(
         return None
     mean = mean_luminance(compute, radiance, count)
     (kernel,) = compute.kernels(SENDERS, "luminance_of_backs")
-    arrays = triangles.atlas, sources.texel_to_patch
-    lookups = lasting_buffer(compute, triangles.uvs), *(upload_once(compute, array) for array in arrays)
+    arrays = triangles.atlas, sources.entries
+    lookups = lasting_buffer(compute, triangles.uvs), *(device_rows(compute, rows) for rows in arrays)
     found = cl.Buffer(compute.context, cl.mem_flags.WRITE_ONLY, 4 * triangles.solid)
     compute.run(
         kernel, triangles.solid, *lookups, np.int32(sources.patches.resolution),

@@ -13,6 +13,7 @@ import numpy as np
 from ..array_ops import nonzero_entries, order_of, run_numbers, run_starts, taken
 from ..device.buffers import download, download_bytes, lasting_buffer, upload, upload_once, words_of
 from ..device.cl_device import ComputeDevice
+from ..device.device_rows import device_rows
 from ..device.opencl import cl
 from ..patches.patch_scene import PatchScene
 from ..patches.texels_around import beside_any, entries_around
@@ -57,11 +58,15 @@ def find_substitutes(
 
 def _find_on_device(compute: ComputeDevice, patch_scene: PatchScene, invalid: np.ndarray) -> PatchPairs:
     """Return the result of `find_substitutes`, computed on the OpenCL device."""
-    entries, geometry = patch_scene.texel_to_patch, patch_scene.geometry
+    entries, geometry = patch_scene.entries, patch_scene.geometry
     count, list_all = compute.kernels(SENDERS, "count_candidates", "list_candidates")
-    arrays = entries, invalid, geometry.triangle, geometry.barycentric, geometry.triangles.positions
+    triangle, barycentric = geometry.on_device(compute)
     inputs = (
-        *(upload_once(compute, array) for array in arrays),
+        device_rows(compute, entries),
+        upload_once(compute, invalid),
+        triangle,
+        barycentric,
+        upload_once(compute, geometry.triangles.positions),
         *(lasting_buffer(compute, array) for array in (geometry.steps.geometric, geometry.steps.longer)),
     )
 

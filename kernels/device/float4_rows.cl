@@ -41,6 +41,15 @@ __kernel void put_rows(__global const float *values, __global const uint *places
         rows[(size_t)places[i] * columns + column] = values[(size_t)i * columns + column];
 }
 
+// Stores the numbers at some places.
+__kernel void take_numbers(__global const uint *numbers, __global const int *places, __global uint *taken,
+                           const int count)
+{
+    const int i = get_global_id(0);
+    if (i < count)
+        taken[i] = numbers[places[i]];
+}
+
 // Inserts rows into an array of rows of `columns` words. Row k of `others` becomes row inserted[k] of the result;
 // `inserted` is ascending. Each row finds its source by binary search.
 __kernel void insert_rows(__global const uint *rows, __global const uint *others, __global const int *inserted,

@@ -1,5 +1,5 @@
+#include "covered_middle.cl"
 #include "texel_corners.cl"
-#include "texel_clip.cl"
 
 // Border texels: texels that a triangle touches without covering their centre. Finds the patch that each of them
 // displays, and the centroid of the covered area. WITHIN: see engine/patches/border_texels.py.
@@ -33,20 +33,20 @@ float3 in_world(__global const float *positions, const int triangle, const float
 
 // Finds the nearest patch (+ 1, or 0) on the same surface for each border texel. Same surface: same mesh, and a world
 // distance of at most twice the distance on the lightmap.
-// inside: 1 if the triangle passes within WITHIN of the texel's centre.
+// inside: 1 if the triangle passes within WITHIN of the texel's centre. thin: 1 if it does so and there is no patch.
 // texels: flat indices over all lightmaps. sizes: texel size of each triangle along the longer side, metres. offsets:
 //     neighbour offsets, nearest first.
-__kernel void nearest_patches(__global const long *texels, __global const int *triangles, __global const float *uvs,
+__kernel void nearest_patches(__global const int *texels, __global const int *triangles, __global const float *uvs,
                               __global const float *positions, __global const int *meshes, __global const float *sizes,
                               __global const int2 *offsets, const int neighbours, const int resolution,
                               __global const uint *texel_to_patch, __global const int *patch_triangles,
-                              __global const float *barycentrics, __global uint *nearest, __global uchar *inside,
-                              const int count)
+                              __global const float *barycentrics, __global uint *nearest, __global uint *inside,
+                              __global uint *thin, const int count)
 {
     const int i = get_global_id(0);
     if (i >= count)
         return;
-    const long texel = texels[i];
+    const int texel = texels[i];
     const int x = texel % resolution, y = texel / resolution % resolution, triangle = triangles[i];
     float2 corners[3];
     corners_at(uvs, triangle, resolution, (float2)(x + 0.5f, y + 0.5f), corners);
@@ -54,11 +54,12 @@ __kernel void nearest_patches(__global const long *texels, __global const int *t
     const float3 point = in_world(positions, triangle, nearest_point(corners, &within));
     inside[i] = within;
     nearest[i] = 0;
+    thin[i] = 0;
     for (int k = 0; k < neighbours; ++k) {
         const int2 offset = offsets[k];
         if (x + offset.x < 0 || x + offset.x >= resolution || y + offset.y < 0 || y + offset.y >= resolution)
             continue;
-        const uint number = texel_to_patch[texel + (long)offset.y * resolution + offset.x];
+        const uint number = texel_to_patch[texel + offset.y * resolution + offset.x];
         if (number == 0)
             continue;
         const int other = patch_triangles[number - 1];
@@ -69,34 +70,67 @@ __kernel void nearest_patches(__global const long *texels, __global const int *t
             return;
         }
     }
+    thin[i] = within;
 }
 
-// Stores the centroid of the covered part of each texel, as barycentrics of its triangle. For areas of about 0 it
-// stores the mean of the fan's centroids.
-__kernel void covered_middles(__global const long *texels, __global const int *triangles, __global const float *uvs,
-                              const int resolution, __global float *middles, const int count)
+// Prepares patches for border texels that `chosen` lists. texels, triangles: of all border texels. patch_texels: texels
+// of all patches, ascending in each atlas. firsts: first patch of each atlas, and their number.
+// places: texel of each new patch in its atlas. rows: its row among all patches. middles: barycentrics.
+// counts: number of patches on each triangle.
+__kernel void thin_patches(__global const int *texels, __global const int *triangles, __global const int *chosen,
+                           __global const float *uvs, const int resolution, __global const int *patch_texels,
+                           __global const int *firsts, __global int *keys, __global int *places, __global int *owners,
+                           __global float *middles, __global int *rows, __global int *counts, const int count)
 {
     const int i = get_global_id(0);
     if (i >= count)
         return;
-    float2 corners[3];
-    float4 polygon[MOST_CORNERS];
-    const long texel = texels[i];
-    const float2 start = (float2)(texel % resolution, texel / resolution % resolution);
-    corners_at(uvs, triangles[i], resolution, start, corners);
-
-    // Unused corners repeat the first one, which adds no area.
-    for (int k = clip_at_texel(corners, polygon); k < MOST_CORNERS; ++k)
-        polygon[k] = polygon[0];
-    float total = 0.0f;
-    float2 weighted = 0.0f, plain = 0.0f;
-    for (int k = 0; k + 2 < MOST_CORNERS; ++k) {
-        const float area = fan_area(polygon, k);
-        const float2 middle = (polygon[0].zw + polygon[k + 1].zw + polygon[k + 2].zw) / 3.0f;
-        total += area;
-        weighted += area * middle;
-        plain += middle / (MOST_CORNERS - 2);
+    const int key = texels[chosen[i]], triangle = triangles[chosen[i]], area = resolution * resolution;
+    const int atlas = key / area, place = key % area;
+    int first = firsts[atlas], last = firsts[atlas + 1];
+    while (first < last) {
+        const int middle = first + (last - first) / 2;
+        if (patch_texels[middle] < place)
+            first = middle + 1;
+        else
+            last = middle;
     }
-    const float2 part = total < 5e-10f ? plain : weighted / total;
-    vstore3((float3)(1.0f - part.x - part.y, part), i, middles);
+    keys[i] = key;
+    places[i] = place;
+    owners[i] = triangle;
+    rows[i] = first + i;
+    const float2 corner = (float2)(place % resolution, place / resolution);
+    vstore3(covered_middle(uvs, triangle, resolution, corner), i, middles);
+    atomic_inc(counts + triangle);
 }
+
+// Renumbers the patches of all texels after patches have been inserted. keys: texels of the new patches, ascending, and
+// rows: their numbers.
+__kernel void insert_patches(__global const uint *own, __global const int *keys, __global const int *rows,
+                             const int inserted, __global uint *renumbered, const int count)
+{
+    const int texel = get_global_id(0);
+    if (texel >= count)
+        return;
+    int first = 0, last = inserted;
+    while (first < last) {
+        const int middle = first + (last - first) / 2;
+        if (keys[middle] < texel)
+            first = middle + 1;
+        else
+            last = middle;
+    }
+    const bool is_new = first < inserted && keys[first] == texel;
+    renumbered[texel] = is_new ? rows[first] + 1 : own[texel] ? own[texel] + first : 0;
+}
+
+// Stores the nearest patch + 1 of each border texel that has no patch.
+__kernel void fill_border(__global const int *texels, __global const uint *nearest, __global uint *texel_to_patch,
+                          const int count)
+{
+    const int i = get_global_id(0);
+    if (i < count && texel_to_patch[texels[i]] == 0)
+        texel_to_patch[texels[i]] = nearest[i];
+}
+
+

@@ -5,13 +5,16 @@ import numpy as np
 import pytest
 
 from engine import Material, Scene, SceneError
+from engine.device.device_rows import host_rows
 from engine.object_message import objects_of
 from engine.patches import chart_raster
 from engine.patches.chart_raster import ALIGNED, OVERLAP, PATCHES, TOUCHED
 from engine.patches.chart_texels import ChartTexels
-from engine.patches.geometry import patch_geometry
+from engine.patches.device_charts import DeviceCharts
+from engine.patches.device_patch_list import list_patches_on
+from engine.patches.geometry import patch_geometry, texel_steps
 from engine.patches.patch_list import list_patches
-from engine.patches.texel_coverage import border_texels, check_overlap, covered_texels
+from engine.patches.texel_coverage import border_texels, border_texels_on, check_overlap, covered_texels
 from engine.patches.texel_to_patch import index_map
 from engine.scene.triangles import join_meshes
 from tests.analytic.scenes import furnace, nine_quad_room, quads, rectangle
@@ -25,14 +28,22 @@ def one_quad(chart, resolution=16, name="Quad"):
 
 
 def grown(graphics, compute, scene, resolution):
-    triangles = join_meshes(scene)
-    covered = list_patches(graphics, scene, triangles, resolution)
-    own = covered.on_texels(len(scene.atlases))
-    border, geometry = border_texels(graphics, triangles, own), patch_geometry(triangles, covered)
-    index = index_map(
-        compute, geometry, ChartTexels((), covered, geometry.on_triangle, own, border, ()), None
-    )
-    return covered, index.patches, geometry.at(index.patches), index.texel_to_patch
+    triangles, atlases = join_meshes(scene), len(scene.atlases)
+    if compute:
+        drawn = DeviceCharts(graphics, compute, triangles, atlases, resolution)
+        covered, counts = list_patches_on(drawn, scene, align=False)
+        border = border_texels_on(drawn, covered.index.entries_in(atlases))
+    else:
+        covered = list_patches(graphics, scene, triangles, resolution)
+        border = border_texels(graphics, triangles, covered.on_texels(atlases))
+        counts = patch_geometry(triangles, covered).on_triangle
+    steps = texel_steps(triangles, resolution)
+    charts = ChartTexels((), covered, counts, covered.index.entries_in(atlases), border, ())
+    index = index_map(compute, patch_geometry(triangles, covered, steps), charts, None)
+    geometry = patch_geometry(triangles, index.patches, steps)
+    if index.on_triangle is not None:
+        assert np.array_equal(host_rows(index.on_triangle), geometry.on_triangle)
+    return covered, index.patches, geometry, host_rows(index.texel_to_patch)
 
 
 def test_texels_of_a_quad_become_patches(graphics):
@@ -225,6 +236,36 @@ def test_borders_of_many_slivers_are_those_of_the_host(graphics, compute):
     assert np.quantile(off, 0.99) < 1e-3
     same = np.r_[-1, patches.key][texel_to_patch] == np.r_[-1, expected.key][wanted]
     assert same.mean() > 0.999
+
+
+def test_patches_of_the_device_are_those_of_the_host(graphics, compute):
+    """Meshes of three atlases in alternating order, slivers among them: all columns and lookups are equal."""
+    random, count, resolution = np.random.default_rng(11), 900, 67
+    start = random.random((count, 1, 2))
+    spread = 10 ** random.uniform(-4, -0.5, (count, 1, 1)) * random.uniform(-1, 1, (count, 3, 2))
+    square = quads(
+        np.tile(rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0)), (count, 1, 1)),
+        [(0, 0, 1, 1)] * count,
+        [0] * count,
+        1,
+    )
+    slivers = square.subset(square.subface == 0)
+    slivers = replace(slivers, uvs=(start + spread).clip(0, 1).astype(np.float32))
+    parts = [replace(slivers.subset(np.arange(count) % 5 == part), atlas=part % 3) for part in range(5)]
+    scene = Scene(tuple(parts), (GREY,), ("A", "B", "C"))
+    triangles = join_meshes(scene)
+    expected = list_patches(graphics, scene, triangles, resolution)
+    drawn = DeviceCharts(graphics, compute, triangles, 3, resolution)
+    patches, counts = list_patches_on(drawn, scene, align=False)
+    for name in ("atlas", "texel", "triangle", "key"):
+        assert np.array_equal(getattr(patches, name), getattr(expected, name))
+    assert patches.barycentric == pytest.approx(expected.barycentric, rel=3e-7)
+    assert [patches.count_in(atlases) for atlases in range(4)] == [expected.count_in(n) for n in range(4)]
+    assert np.array_equal(patches.on_texels(3), expected.on_texels(3))
+    assert np.array_equal(host_rows(counts), patch_geometry(triangles, expected).on_triangle)
+    border = border_texels_on(drawn, patches.index.entries_in(3))
+    wanted = border_texels(graphics, triangles, expected.on_texels(3))
+    assert np.array_equal(border.texel, wanted.texel) and np.array_equal(border.triangle, wanted.triangle)
 
 
 @pytest.mark.parametrize("resolution", [17, 331])

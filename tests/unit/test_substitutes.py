@@ -40,7 +40,7 @@ def floor(entries=None, height=None):
     places[:, 2] = 0 if height is None else height.ravel()
     at = np.flatnonzero(grid.ravel() > 0)[first]
     index, patches = grid[None].astype(np.uint32), SimpleNamespace(key=at)
-    return SimpleNamespace(texel_to_patch=index, patches=patches, geometry=Places(places[at]))
+    return SimpleNamespace(texel_to_patch=index, entries=index, patches=patches, geometry=Places(places[at]))
 
 
 def gathered_by(light, front):

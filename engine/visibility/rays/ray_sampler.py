@@ -9,6 +9,7 @@ import numpy as np
 
 from ...device.buffers import lasting_buffer, upload, upload_once
 from ...device.cl_device import ComputeDevice
+from ...device.device_rows import device_rows
 from ...device.kernel import Kernel
 from ...device.opencl import cl
 from ...device.row_range import RowRange
@@ -91,8 +92,8 @@ class RaySampler:
             "trace_visibility.cl", "trace_visibility", "gather_rays"
         )
         triangles = sources.triangles
-        arrays = triangles.atlas, sources.texel_to_patch
-        lookups = lasting_buffer(compute, triangles.uvs), *(upload_once(compute, array) for array in arrays)
+        arrays = triangles.atlas, sources.entries
+        lookups = lasting_buffer(compute, triangles.uvs), *(device_rows(compute, rows) for rows in arrays)
         backs = None if triangles.backs is None else upload_once(compute, triangles.backs)
         self._arguments = (
             *rays.arguments, receivers.receivers, *lookups, np.int32(sources.patches.resolution),

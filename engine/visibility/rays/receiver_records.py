@@ -9,6 +9,7 @@ import numpy as np
 from ...array_ops import take_rows
 from ...device.buffers import upload, upload_once, write
 from ...device.cl_device import ComputeDevice
+from ...device.device_rows import device_rows
 from ...device.device_struct import DeviceStruct
 from ...device.kernel import Kernel
 from ...device.opencl import cl
@@ -63,14 +64,14 @@ def pack_receivers(
 
     pack: the kernel of pack_receivers.cl
     """
-    triangles, count = geometry.triangles, len(geometry.triangle)
+    triangles, count = geometry.triangles, len(geometry.triangle_rows)
     triangle, *of_triangles = _used_triangles(compute, geometry)
-    inputs = triangle, upload_once(compute, geometry.barycentric), *of_triangles
+    inputs = triangle, device_rows(compute, geometry.barycentric_rows), *of_triangles
     heights = (OF_TEXEL, OF_DIAGONAL * triangles.diagonal, OF_COORDINATE)
     records = cl.Buffer(compute.context, cl.mem_flags.READ_WRITE, RECEIVER.dtype.itemsize * count)
     origin = cl.cltypes.make_float4(*triangles.origin, 0)
     texels = (
-        upload_once(compute, patches.texel),
+        device_rows(compute, patches.index.texel_rows),
         np.int32(patches.resolution),
         np.int32(points_of_texels(patches)),
     )
@@ -103,7 +104,7 @@ def _used_triangles(compute: ComputeDevice, geometry: PatchGeometry) -> tuple[cl
             records = _upload_steps(compute, steps, geometry.width, chosen)
             return *(upload(compute, array) for array in arrays), records
     return (
-        upload_once(compute, geometry.triangle),
+        device_rows(compute, geometry.triangle_rows),
         upload_once(compute, triangles.positions),
         upload_once(compute, triangles.all_normals),
         compute.shared.of(

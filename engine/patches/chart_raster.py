@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -34,21 +34,25 @@ class Drawing:
     kept: int
 
 
-#: Triangle + 1 and two barycentrics of each texel whose centre is covered.
-PATCHES = Drawing("patches", ("vert", "frag"), ((1, "u4"), (2, "f4")), _LAST)
+#: Triangle + 1 and the bits of two barycentrics of each texel whose centre is covered, and the number of
+#: triangles that cover it, at most 255.
+PATCHES = Drawing("patches", ("vert", "frag"), ((1, "u4"), (2, "u4"), (1, "f1")), _SUM)
 
 #: The same data for UVs snapped to texel borders by a geometry shader, shaders/patches/patches.geom.
-ALIGNED = Drawing("patches", ("vert", "geom", "frag"), PATCHES.targets, _LAST)
+ALIGNED = Drawing("patches", ("vert", "geom", "frag"), PATCHES.targets, _SUM)
 
-#: Triangle + 1 of each touched texel: the triangle nearest to the texel centre.
+#: Triangle + 1, and `ONLY_TOUCHED`, of each touched texel: the triangle nearest to the texel centre.
 TOUCHED = Drawing("conservative_coverage", ("vert", "geom", "frag"), ((1, "u4"),), _NEAREST)
 
 #: Number of triangles that cover each texel centre, at most 255.
 OVERLAP = Drawing("overlap", ("vert", "frag"), ((1, "f1"),), _SUM)
 
+#: Bit of texels that triangles touch without covering the centre.
+ONLY_TOUCHED = 1 << 31
+
 _Image = TypeVar("_Image")
 
-_TYPES = {"u4": np.uint32, "f4": np.float32, "f1": np.uint8}
+_TYPES = {"u4": np.uint32, "f1": np.uint8}
 
 #: Rows of texels above the highest corner in which drawings may still cover texels: conservative coverage
 #: extends triangles by one texel, and snapped UVs move by half a texel.
@@ -63,49 +67,70 @@ def draw_charts(
     Returns one array, (h * r, components), for each target; 0 where nothing is drawn. Rows above the first h
     have no charts.
     """
-    images = render_charts(graphics, drawing, uvs, resolution, lambda _, target: _read(target))
+    images = render_charts(graphics, [drawing], uvs, resolution, lambda _, target: read_target(target))
     return images or [np.zeros((0, size), _TYPES[kind]) for size, kind in drawing.targets]
 
 
 def render_charts(
     graphics: GraphicsContext,
-    drawing: Drawing,
+    drawings: Sequence[Drawing],
     uvs: np.ndarray,
     resolution: int,
     read: Callable[[int, moderngl.Texture], _Image],
 ) -> list[_Image]:
-    """Draw as `draw_charts` does; return the results of `read` for the number and texture of each target.
+    """Draw triangles as `draw_charts` does, one drawing over the other.
 
-    The list is empty if no row has charts.
+    Returns the results of `read` for the number and texture of each target; none if no row has charts.
+
+    drawings:  the last one has the most targets; the others have the first of them
     """
     height = _rows_with_charts(uvs, resolution)
     if not height:
         return []
     context, size = graphics.context, (resolution, height)
-    targets = [context.texture(size, components, dtype=kind) for components, kind in drawing.targets]
-    depth = [context.depth_renderbuffer(size)] if drawing.kept == _NEAREST else []
-    framebuffer = context.framebuffer(targets, *depth)
-    program = graphics.program(drawing.name, drawing.stages)
-    if "resolution" in program:
-        program["resolution"] = float(resolution)
-    buffer = context.buffer(np.ascontiguousarray(uvs, np.float32))
-    vertices = context.vertex_array(program, [(buffer, "2f", "in_uv")])
+    targets = [context.texture(size, components, dtype=kind) for components, kind in drawings[-1].targets]
+    framebuffers, depths = [], []
+    for drawing in drawings:
+        depth = [context.depth_renderbuffer(size)] if drawing.kept == _NEAREST else []
+        framebuffers.append(context.framebuffer(targets[: len(drawing.targets)], *depth))
+        depths += depth
+    for framebuffer in framebuffers:
+        framebuffer.viewport = (0, 0, resolution, resolution)
+        framebuffer.clear(depth=1.0)
 
     # Draw all charts in one call.
-    framebuffer.viewport = (0, 0, resolution, resolution)
-    framebuffer.use()
-    framebuffer.clear(depth=1.0)
-    _keep(context, drawing.kept)
-    vertices.render(moderngl.TRIANGLES)
+    buffer = context.buffer(np.ascontiguousarray(uvs, np.float32))
+    arrays = [
+        _draw(graphics, drawing, framebuffer, buffer, resolution)
+        for drawing, framebuffer in zip(drawings, framebuffers, strict=True)
+    ]
     _keep(context, _LAST)
 
     images = [read(number, target) for number, target in enumerate(targets)]
     graphics.check("drawing lightmap UVs")
-    graphics.discard(vertices, buffer, framebuffer, *depth, *targets)
+    graphics.discard(*arrays, buffer, *framebuffers, *depths, *targets)
     return images
 
 
-def _read(target: moderngl.Texture) -> np.ndarray:
+def _draw(
+    graphics: GraphicsContext,
+    drawing: Drawing,
+    framebuffer: moderngl.Framebuffer,
+    buffer: moderngl.Buffer,
+    resolution: int,
+) -> moderngl.VertexArray:
+    """Draw triangles with the UVs in a buffer; return the vertex array."""
+    program = graphics.program(drawing.name, drawing.stages)
+    if "resolution" in program:
+        program["resolution"] = float(resolution)
+    vertices = graphics.context.vertex_array(program, [(buffer, "2f", "in_uv")])
+    framebuffer.use()
+    _keep(graphics.context, drawing.kept)
+    vertices.render(moderngl.TRIANGLES)
+    return vertices
+
+
+def read_target(target: moderngl.Texture) -> np.ndarray:
     """Return the texels of a render target, (w * h, components)."""
     image = np.empty((target.width * target.height, target.components), _TYPES[target.dtype])
     buffer = locked_copy(target)
@@ -135,7 +160,7 @@ def draw_atlas(
 def drawn_triangles(triangles: Triangles, atlas: int, numbers: np.ndarray) -> np.ndarray:
     """Return the indices of drawn triangles, (k,) int32, from numbers that `draw_atlas` returned, not 0."""
     chosen = triangles.in_atlas(atlas)
-    places = numbers.astype(np.int32)
+    places = (numbers & ~np.uint32(ONLY_TOUCHED)).astype(np.int32)
     places += (chosen.start if isinstance(chosen, slice) else 0) - 1
     return places if isinstance(chosen, slice) else taken(chosen.astype(np.int32), places)
 

@@ -19,7 +19,14 @@ from .edge_patch_points import inset_edge_patches
 from .geometry import PatchGeometry, TexelSteps
 from .patch_file import list_or_load_patches
 from .patch_list import PatchList, list_patches
-from .texel_coverage import border_texels, border_texels_on, check_overlap, covered_texels, warn_uncovered
+from .texel_coverage import (
+    border_texels,
+    border_texels_on,
+    check_overlap,
+    cover_counts,
+    covered_texels,
+    warn_uncovered,
+)
 
 
 @dataclass(frozen=True)
@@ -65,22 +72,26 @@ def read_charts(
     settings: Settings,
 ) -> ChartTexels:
     """Rasterize the charts of a scene; raises SceneError, SettingsError or PatchFileError."""
-    atlases, align = len(scene.atlases), settings.align_uvs
-    charts = compute and DeviceCharts(graphics, compute, triangles, atlases, settings.resolution)
+    atlases, width, align = len(scene.atlases), settings.resolution, settings.align_uvs
+    charts = compute and DeviceCharts(graphics, compute, triangles, atlases, width, align)
 
-    def draw() -> tuple[PatchList, Rows | None]:
+    def listed() -> tuple[PatchList, Rows | None]:
         if charts:
-            return list_patches_on(charts, scene, align)
-        return list_patches(graphics, scene, triangles, settings.resolution, align), None
+            return list_patches_on(charts, scene)
+        return list_patches(graphics, scene, triangles, width, align), None
 
-    covered, counts = list_or_load_patches(scene, settings, draw)
+    covered, counts = list_or_load_patches(scene, settings, listed)
     own = covered.index.entries_in(atlases)
     where = covered.triangle_rows, covered.barycentric_rows
     geometry = PatchGeometry(triangles, steps, *where, counts)
     covered = inset_edge_patches(compute, geometry, covered, own)
-    border = border_texels_on(charts, own) if charts else border_texels(graphics, triangles, host_rows(own))
+    if charts:
+        border, covers = border_texels_on(charts, own), charts.counts
+    else:
+        border = border_texels(graphics, triangles, host_rows(own))
+        covers = cover_counts(graphics, triangles, atlases, width)
     texels = covered_texels(scene, geometry)
-    warnings = warn_uncovered(scene, texels) + check_overlap(graphics, scene, triangles, covered, texels)
+    warnings = warn_uncovered(scene, texels) + check_overlap(scene, triangles, covered, covers, texels)
     names = tuple(mesh.name for mesh in scene.meshes)
-    on_triangle = geometry.on_triangle.astype(np.int32) if counts is None else counts
+    on_triangle = geometry.on_triangle if counts is None else counts
     return ChartTexels(names, covered, on_triangle, own, border, tuple(warnings))

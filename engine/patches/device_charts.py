@@ -12,7 +12,16 @@ from ..device.device_rows import DeviceRows
 from ..device.gl_context import GraphicsContext
 from ..device.opencl import cl
 from ..scene.triangles import Triangles
-from .chart_raster import Drawing, locked_copy, render_charts
+from .chart_raster import (
+    ALIGNED,
+    OVERLAP,
+    PATCHES,
+    TOUCHED,
+    draw_charts,
+    locked_copy,
+    read_target,
+    render_charts,
+)
 from .patch_kernels import OPTIONS, SOURCE
 
 #: Texels of each work item, as in kernels/patches/list_patches.cl.
@@ -20,7 +29,14 @@ SEGMENT = 32
 
 
 class DeviceCharts:
-    """Drawings of all atlases of a scene on the device, images of (atlases, r, r) texels."""
+    """Drawings of all atlases of a scene on the device, images of (atlases, r, r) texels.
+
+    numbers:  triangle + 1 of each texel, uint32: the triangle that covers its centre, or else the nearest one
+              that touches it, with `ONLY_TOUCHED`; 0 for none
+    weights:  two barycentrics of the centre on a triangle that covers it, float32
+    counts:   (h, r) uint8 of each atlas on the host, number of triangles that cover each centre in the first
+              h rows
+    """
 
     def __init__(
         self,
@@ -29,31 +45,33 @@ class DeviceCharts:
         triangles: Triangles,
         atlases: int,
         resolution: int,
+        align: bool = False,
     ) -> None:
         self.compute, self.triangles, self.atlases, self.resolution = compute, triangles, atlases, resolution
         self.texels = resolution**2
-        self._graphics = graphics
+        self.numbers = zeros(compute, 4 * atlases * self.texels)
+        self.weights = unfilled(compute, 8 * atlases * self.texels)
+        self.counts = [self._draw(graphics, atlas, align) for atlas in range(atlases)]
 
-    def drawn(self, drawing: Drawing) -> list[cl.Buffer]:
-        """Draw all atlases; return a buffer for each target.
+    def _draw(self, graphics: GraphicsContext, atlas: int, align: bool) -> np.ndarray:
+        """Draw an atlas; return its image of `counts`."""
+        chosen = self.triangles.in_atlas(atlas)
+        uvs = take_rows(self.triangles.uvs, chosen)
+        counts = np.zeros((0, self.resolution), np.uint8)
 
-        The first one has the triangle + 1 of each texel, uint32, 0 where nothing is drawn. Others are
-        undefined there.
-        """
-        sizes = [self.texels * components * int(kind[1]) for components, kind in drawing.targets]
-        numbers, *others = (self.atlases * size for size in sizes)
-        buffers = [zeros(self.compute, numbers), *(unfilled(self.compute, size) for size in others)]
-        for atlas in range(self.atlases):
-            chosen = self.triangles.in_atlas(atlas)
+        def read(number: int, target: moderngl.Texture) -> None:
+            nonlocal counts
+            if number < 2:
+                buffer, size = ((self.numbers, 4), (self.weights, 8))[number]
+                self._upload(target, buffer, size * atlas * self.texels)
+            elif not align:
+                counts = read_target(target).reshape(-1, self.resolution)
 
-            def read(number: int, target: moderngl.Texture, atlas: int = atlas) -> None:
-                self._upload(target, buffers[number], atlas * sizes[number])
-
-            render_charts(
-                self._graphics, drawing, take_rows(self.triangles.uvs, chosen), self.resolution, read
-            )
-            self._number_triangles(buffers[0], atlas, chosen)
-        return buffers
+        render_charts(graphics, [TOUCHED, ALIGNED if align else PATCHES], uvs, self.resolution, read)
+        self._number_triangles(atlas, chosen)
+        if align:
+            (counts,) = draw_charts(graphics, OVERLAP, uvs, self.resolution)
+        return counts.reshape(-1, self.resolution)
 
     def _upload(self, target: moderngl.Texture, buffer: cl.Buffer, at: int) -> None:
         """Copy a render target into a buffer from byte `at` on."""
@@ -66,27 +84,27 @@ class DeviceCharts:
             cl.enqueue_copy(self.compute.queue, buffer, image, dst_offset=at)
         copy.release()
 
-    def _number_triangles(self, numbers: cl.Buffer, atlas: int, chosen: slice | np.ndarray) -> None:
+    def _number_triangles(self, atlas: int, chosen: slice | np.ndarray) -> None:
         """Replace the numbers of drawn triangles of an atlas by triangles + 1."""
         is_range = isinstance(chosen, slice)
         start = chosen.start if isinstance(chosen, slice) else 0
         if is_range and start == 0:
             return
-        order = numbers if isinstance(chosen, slice) else upload(self.compute, chosen.astype(np.int32))
+        order = self.numbers if isinstance(chosen, slice) else upload(self.compute, chosen.astype(np.int32))
         (kernel,) = self.compute.kernels(SOURCE, "number_triangles", options=OPTIONS)
         arguments = np.int32(atlas * self.texels), np.int32(start), order, np.int32(not is_range)
-        self.compute.run(kernel, self.texels, numbers, *arguments, np.int32(self.texels))
+        self.compute.run(kernel, self.texels, self.numbers, *arguments, np.int32(self.texels))
 
 
 def entries_before(
     compute: ComputeDevice, entries: cl.Buffer, images: int, texels: int, mask: cl.Buffer | None = None
 ) -> tuple[cl.Buffer, np.ndarray]:
-    """Count the entries of images, (images, texels) uint32, that are not 0.
+    """Count the entries of images, (images, texels) uint32, that are not 0 and lack `ONLY_TOUCHED`.
 
     Returns the number of entries before each segment of an image, int32 on the device, and the number of
     entries before each image and in all, (images + 1,) int64.
 
-    mask:  (images, texels) uint32; entries count only where it is 0
+    mask:  (images, texels) uint32; if given, all entries count that are not 0 where the mask is 0
     """
     segments = -(-texels // SEGMENT)
     counts = unfilled(compute, 4 * images * segments)

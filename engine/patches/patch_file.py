@@ -32,21 +32,21 @@ _BARYCENTRIC_TOLERANCE = 1e-3
 
 
 def list_or_load_patches(
-    scene: Scene, settings: Settings, draw: Callable[[], tuple[PatchList, Rows | None]]
+    scene: Scene, settings: Settings, make: Callable[[], tuple[PatchList, Rows | None]]
 ) -> tuple[PatchList, Rows | None]:
     """Read the patch list from `settings.patch_file`; without such a file create the list and write it there.
 
     Returns the patches, and the number of patches on each triangle if known. Raises PatchFileError if the
     file is unusable or cannot be written.
 
-    draw:  creates the list
+    make:  creates the list
     """
     if settings.patch_file is None:
-        return draw()
+        return make()
     path = Path(settings.patch_file)
     if path.exists():
         return read_patches(path, scene, settings.resolution, settings.align_uvs), None
-    patches, counts = draw()
+    patches, counts = make()
     write_patches(path, scene, patches, settings.align_uvs)
     return patches, counts
 

@@ -245,7 +245,7 @@ def _drawn_in(
     graphics: GraphicsContext, drawing: Drawing, triangles: Triangles, atlas: int, resolution: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return texel, (n,) int64, triangle, (n,) int32, and two barycentrics, (n, 2), of an atlas's patches."""
-    number, barycentric = draw_atlas(graphics, drawing, triangles, atlas, resolution)
+    number, barycentric, _ = draw_atlas(graphics, drawing, triangles, atlas, resolution)
     flat = number[:, 0]
     texel = indices_where(len(flat), 8, lambda slab: flat[slab] != 0)
     weights = taken(barycentric.view(np.uint64)[:, 0], texel).view(np.float32).reshape(-1, 2)

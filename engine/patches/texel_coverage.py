@@ -25,10 +25,9 @@ _OVERLAP_TOLERANCE = 0.005
 
 def border_texels_on(charts: DeviceCharts, entries: Rows) -> BorderTexels:
     """Return the border texels as `border_texels` does, on the OpenCL device."""
-    compute = charts.compute
-    (touched,) = charts.drawn(TOUCHED)
-    own = device_rows(compute, entries)
-    return BorderTexels(*listed_entries(compute, touched, charts.atlases, charts.texels, own))
+    own = device_rows(charts.compute, entries)
+    listed = listed_entries(charts.compute, charts.numbers, charts.atlases, charts.texels, own)
+    return BorderTexels(*listed)
 
 
 def border_texels(
@@ -90,20 +89,33 @@ def covered_texels(scene: Scene, geometry: PatchGeometry) -> np.ndarray:
     return texels
 
 
+def cover_counts(
+    graphics: GraphicsContext, triangles: Triangles, atlases: int, resolution: int
+) -> list[np.ndarray]:
+    """Return the number of triangles that cover each texel centre, see `DeviceCharts.counts`."""
+    drawn = (draw_atlas(graphics, OVERLAP, triangles, atlas, resolution)[0] for atlas in range(atlases))
+    return [counts.reshape(-1, resolution) for counts in drawn]
+
+
 def check_overlap(
-    graphics: GraphicsContext, scene: Scene, triangles: Triangles, patches: PatchList, texels: np.ndarray
+    scene: Scene,
+    triangles: Triangles,
+    patches: PatchList,
+    counts: Sequence[np.ndarray],
+    texels: np.ndarray,
 ) -> list[str]:
     """Return a warning about all objects with a few texels covered by several triangles.
 
+    counts:  (h, r) uint8 of each atlas, see `cover_counts`
     texels:  (objects,) int64, see `covered_texels`
 
     Raises OverlapError that names the objects if the charts overlap.
     """
-    found = []
-    for atlas in range(len(scene.atlases)):
-        (count,) = draw_atlas(graphics, OVERLAP, triangles, atlas, patches.resolution)
-        if count.max(initial=0) > 1:
-            found.append(atlas * patches.resolution**2 + np.flatnonzero(count[:, 0] > 1))
+    found = [
+        atlas * patches.resolution**2 + np.flatnonzero(count > 1)
+        for atlas, count in enumerate(counts)
+        if count.max(initial=0) > 1
+    ]
     if not found:
         return []
     entries = rows_at(patches.index.entries_in(len(scene.atlases)), np.concatenate(found)).astype(np.int64)

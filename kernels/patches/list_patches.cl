@@ -2,6 +2,7 @@
 // entries of SEGMENT consecutive texels of one image, from the number of entries before them.
 
 #define SEGMENT 32
+#define ONLY_TOUCHED 0x80000000u  // marks texels that a triangle touches without covering the centre
 
 // Returns the range of texels of this work item within all images; an empty range for surplus items.
 int2 segment_of(const int texels)
@@ -13,14 +14,21 @@ int2 segment_of(const int texels)
 
 int segment_number(const int texels) { return get_global_id(1) * ((texels + SEGMENT - 1) / SEGMENT) + get_global_id(0); }
 
-// Counts the entries of each segment that are not 0. masked: 1 to count only where `mask` is 0.
+// Returns true if an entry is listed: entries of patches, which are not 0 and lack ONLY_TOUCHED, or, if `masked`, all
+// that are not 0 where the mask is 0.
+bool is_listed(const uint entry, __global const uint *mask, const int masked, const int i)
+{
+    return masked ? entry != 0 && mask[i] == 0 : (int)entry > 0;
+}
+
+// Counts the entries of each segment that are listed.
 __kernel void count_entries(__global const uint *entries, __global const uint *mask, const int masked,
                             __global int *counts, const int texels)
 {
     const int2 range = segment_of(texels);
     int count = 0;
     for (int i = range.x; i < range.y; ++i)
-        count += entries[i] != 0 && (!masked || mask[i] == 0);
+        count += is_listed(entries[i], mask, masked, i);
     if (range.x < range.y)
         counts[segment_number(texels)] = count;
 }
@@ -32,9 +40,9 @@ __kernel void list_entries(__global const uint *entries, __global const uint *ma
     const int2 range = segment_of(texels);
     int place = range.x < range.y ? firsts[segment_number(texels)] : 0;
     for (int i = range.x; i < range.y; ++i)
-        if (entries[i] != 0 && (!masked || mask[i] == 0)) {
+        if (is_listed(entries[i], mask, masked, i)) {
             places[place] = i;
-            values[place++] = entries[i] - 1;
+            values[place++] = (entries[i] & ~ONLY_TOUCHED) - 1;
         }
 }
 
@@ -46,7 +54,8 @@ __kernel void number_triangles(__global uint *numbers, const int first, const in
     const int i = get_global_id(0);
     if (i >= texels || numbers[first + i] == 0)
         return;
-    numbers[first + i] = ordered ? order[numbers[first + i] - 1] + 1 : numbers[first + i] + start;
+    const uint number = numbers[first + i] & ~ONLY_TOUCHED, touched = numbers[first + i] & ONLY_TOUCHED;
+    numbers[first + i] = touched | (ordered ? order[number - 1] + 1 : number + start);
 }
 
 // Returns the barycentrics of a patch from the first two. On slivers the rasterizer interpolates values outside the
@@ -61,8 +70,9 @@ float3 on_triangle(const float2 drawn)
     return total > 0.0f ? inside / total : (float3)(1.0f / 3.0f);
 }
 
-// Lists the patches of covered texels. numbers: triangle + 1 of each texel, or 0. weights: two barycentrics of each
-// texel. own: patch + 1 of each texel, or 0. counts: number of patches on each triangle, initially 0.
+// Lists the patches of covered texels. numbers: triangle + 1 of each texel, with ONLY_TOUCHED, or 0. weights: two
+// barycentrics of each texel. own: patch + 1 of each texel, or 0. counts: number of patches on each triangle, initially
+// 0.
 __kernel void list_patches(__global const uint *numbers, __global const float *weights, __global const int *firsts,
                            __global int *texel, __global int *triangle, __global float *barycentric,
                            __global uint *own, __global int *counts, const int texels)
@@ -74,7 +84,7 @@ __kernel void list_patches(__global const uint *numbers, __global const float *w
     uint last = 0;
     int run = 0;
     for (int i = range.x; i < range.y; ++i) {
-        const uint number = numbers[i];
+        const uint number = (int)numbers[i] > 0 ? numbers[i] : 0;
         if (number != last && run > 0) {
             atomic_add(counts + last - 1, run);
             run = 0;

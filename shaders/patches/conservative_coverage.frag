@@ -1,5 +1,6 @@
 #version 410
-// Keeps the texels that a triangle touches. If several triangles touch a texel, the one nearest to its centre wins.
+// Keeps the texels that a triangle touches. If several triangles touch a texel, the one nearest to its centre wins. The
+// highest bit marks texels that are touched only; `patches.frag` replaces covered ones.
 flat in vec2 a, b, c;
 flat in uint triangle;
 layout(location = 0) out uint out_triangle;
@@ -33,5 +34,5 @@ void main()
     float distance = min(min(distance_to_edge(a, b, centre), distance_to_edge(b, c, centre)),
                          distance_to_edge(c, a, centre));
     gl_FragDepth = min(distance, 0.999);
-    out_triangle = triangle;
+    out_triangle = triangle | 0x80000000u;
 }

@@ -14,7 +14,13 @@ from engine.patches.device_charts import DeviceCharts
 from engine.patches.device_patch_list import list_patches_on
 from engine.patches.geometry import patch_geometry, texel_steps
 from engine.patches.patch_list import list_patches
-from engine.patches.texel_coverage import border_texels, border_texels_on, check_overlap, covered_texels
+from engine.patches.texel_coverage import (
+    border_texels,
+    border_texels_on,
+    check_overlap,
+    cover_counts,
+    covered_texels,
+)
 from engine.patches.texel_to_patch import index_map
 from engine.scene.triangles import join_meshes
 from tests.analytic.scenes import furnace, nine_quad_room, quads, rectangle
@@ -31,7 +37,7 @@ def grown(graphics, compute, scene, resolution):
     triangles, atlases = join_meshes(scene), len(scene.atlases)
     if compute:
         drawn = DeviceCharts(graphics, compute, triangles, atlases, resolution)
-        covered, counts = list_patches_on(drawn, scene, align=False)
+        covered, counts = list_patches_on(drawn, scene)
         border = border_texels_on(drawn, covered.index.entries_in(atlases))
     else:
         covered = list_patches(graphics, scene, triangles, resolution)
@@ -148,9 +154,8 @@ def test_nothing_covered_is_an_error(graphics):
 
 def overlap_notes(graphics, scene, triangles):
     patches = list_patches(graphics, scene, triangles, 19)
-    return check_overlap(
-        graphics, scene, triangles, patches, covered_texels(scene, patch_geometry(triangles, patches))
-    )
+    texels = covered_texels(scene, patch_geometry(triangles, patches))
+    return check_overlap(scene, triangles, patches, cover_counts(graphics, triangles, 1, 19), texels)
 
 
 def test_overlap_names_both_objects(graphics):
@@ -256,13 +261,15 @@ def test_patches_of_the_device_are_those_of_the_host(graphics, compute):
     triangles = join_meshes(scene)
     expected = list_patches(graphics, scene, triangles, resolution)
     drawn = DeviceCharts(graphics, compute, triangles, 3, resolution)
-    patches, counts = list_patches_on(drawn, scene, align=False)
+    patches, counts = list_patches_on(drawn, scene)
     for name in ("atlas", "texel", "triangle", "key"):
         assert np.array_equal(getattr(patches, name), getattr(expected, name))
     assert patches.barycentric == pytest.approx(expected.barycentric, rel=3e-7)
     assert [patches.count_in(atlases) for atlases in range(4)] == [expected.count_in(n) for n in range(4)]
     assert np.array_equal(patches.on_texels(3), expected.on_texels(3))
     assert np.array_equal(host_rows(counts), patch_geometry(triangles, expected).on_triangle)
+    covers = cover_counts(graphics, triangles, 3, resolution)
+    assert all(np.array_equal(mine, theirs) for mine, theirs in zip(drawn.counts, covers, strict=True))
     border = border_texels_on(drawn, patches.index.entries_in(3))
     wanted = border_texels(graphics, triangles, expected.on_texels(3))
     assert np.array_equal(border.texel, wanted.texel) and np.array_equal(border.triangle, wanted.triangle)

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..array_ops import run_numbers, run_starts
+from ..array_ops import range_members, run_numbers, run_starts
 from ..device.buffers import upload_float4
 from ..device.cl_device import ComputeDevice
 from ..patches.seams import no_seams
@@ -58,8 +58,8 @@ class ThinWallFit:
         known: np.ndarray,
     ) -> None:
         resolution = known.shape[1]
-        keys, flat = samples.keys(resolution), known.ravel()
-        near = _around(keys[inside], known.shape, _REACH)
+        flat = known.ravel()
+        near = _around(samples.subset(inside).keys(resolution), known.shape, _REACH)
         self.texels = near[flat[near]]
         around = _around(self.texels, known.shape, 1)
 
@@ -67,16 +67,18 @@ class ThinWallFit:
         # and of texels that keep their value.
         is_around, beside, stays = (np.zeros(known.size, bool) for _ in range(3))
         is_around[around] = True
-        self._samples = np.flatnonzero(visible & (samples.weight > 0) & is_around[keys])
+        self._samples, keys = _samples_in(samples, is_around, resolution)
+        shows = visible[self._samples] & (samples.weight[self._samples] > 0)
+        self._samples, keys = self._samples[shows], keys[shows]
         beside[self.texels] = True
         farther = _around(around, known.shape, 1)
         stays[farther[flat[farther] & ~beside[farther]]] = True
-        beside[keys[self._samples]] = False
+        beside[keys] = False
         self.centres = np.flatnonzero(stays | beside)
 
         # Scale the error of each equation by the brightest light nearby.
         brightness = _Brightness(shown, known, np.union1d(around, self.centres))
-        weight = samples.weight[self._samples] * brightness.weight(keys[self._samples], light[self._samples])
+        weight = samples.weight[self._samples] * brightness.weight(keys, light[self._samples])
         chosen = LightmapPoints(samples.atlas[self._samples], samples.position[self._samples], weight)
         weight = brightness.weight(self.centres, brightness.of(self.centres))
         weight[stays[self.centres]] *= _FIXED
@@ -100,6 +102,17 @@ class ThinWallFit:
         largest = float(np.abs(points).max(initial=0))
         light: np.ndarray = self._fit.unknowns(upload_float4(self._compute, points), largest)
         return light[self._unknown, : at_centres.shape[1]]
+
+
+def _samples_in(samples: TexelSamples, chosen: np.ndarray, resolution: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the samples in the texels of a mask, (k,) int64, ascending, and their texels, (k,) int64, flat.
+
+    chosen:  (atlases * r * r,) bool
+    """
+    texels = samples.texels(resolution)
+    some = np.flatnonzero(chosen[texels])
+    count = np.diff(samples.starts, append=len(samples))[some]
+    return range_members(samples.starts[some], count), np.repeat(texels[some], count)
 
 
 def _relative_weight(light: np.ndarray, bright: np.ndarray) -> np.ndarray:

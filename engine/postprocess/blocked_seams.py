@@ -57,7 +57,7 @@ def drop_blocked_seams(
         return seams
     entries = patch_scene.patches.on_texels(len(known))
     marks = _compared(ray_scene.compute, seams, light, known, entries)
-    some = np.flatnonzero(marks)
+    some = np.flatnonzero(marks > 0)
     patches = _patches_beside(seams.subset(some), entries, known)
     both = all_in_rows(patches >= 0)
     some, patches = some[both], patches[both]

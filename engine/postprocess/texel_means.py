@@ -72,7 +72,7 @@ class TexelMeans:
         self._run("mark_extrapolated", *beside, marked, states)
         self._states, state = states, np.empty(self._count, np.uint8)
         cl.enqueue_copy(compute.queue, state, states)
-        self._shown = np.concatenate([np.flatnonzero(state & mark) for mark in (_SEEN, _BEYOND)])
+        self._shown = np.concatenate([np.flatnonzero(state & mark > 0) for mark in (_SEEN, _BEYOND)])
         places = np.where(state & (_SEEN | _BEYOND), texels, NOWHERE).astype(np.uint32)
         self._shown_places, self._has_planes = upload(compute, places), bool((state & _CUT).any())
         seen = state & _SEEN > 0

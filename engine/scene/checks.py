@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from ..array_ops import map_blocks
 from ..errors import SceneError
 from .cutouts import distinct_transmittances, is_tinted_material, transmission_maps
 from .mesh_groups import joined, mesh_boxes, mesh_groups
@@ -338,10 +339,16 @@ def _values(constant: np.ndarray, texture: Texture | None) -> list[np.ndarray]:
 
 def _is_light(values: np.ndarray, most: float = MAX_RADIANCE) -> bool:
     """Return True if all values are within [0, most]; NaN is invalid."""
-    if np.size(values) <= _FEW:
-        limit = float(np.float32(most))
-        return all(0 <= value <= limit for value in np.ravel(values).tolist())
-    return bool(np.min(values) >= 0 and np.max(values) <= np.float32(most))
+    flat, limit = np.ravel(values), np.float32(most)
+    if len(flat) <= _FEW:
+        return all(0 <= value <= float(limit) for value in flat.tolist())
+    within: list[bool] = []
+
+    def test(part: slice) -> None:
+        within.append(bool(flat[part].min() >= 0 and flat[part].max() <= limit))
+
+    map_blocks(len(flat), flat.itemsize, test)
+    return all(within)
 
 
 def check_probe_volumes(volumes: Sequence[ProbeVolume]) -> None:

@@ -30,6 +30,20 @@ def test_quad_becomes_two_subfaces_of_one_face():
     assert mesh.positions.dtype == mesh.normals.dtype == mesh.uvs.dtype == np.float32
 
 
+def test_large_scenes_are_read_into_shared_memory(monkeypatch):
+    square("One")
+    square("Two").location.x = 3
+    shared, place_of = part("engine.worker.shared_meshes"), part("engine.worker.shared_arrays").place_of
+    small = read_scene(shared=True).scene
+    monkeypatch.setattr(shared, "_LEAST", 0)
+    large = read_scene(shared=True).scene
+    for one, other in zip(small.meshes, large.meshes, strict=True):
+        for name in ("positions", "normals", "uvs", "face", "subface", "material"):
+            private, moved = getattr(one, name), getattr(other, name)
+            assert np.array_equal(private, moved) and private.dtype == moved.dtype
+            assert place_of(private) is None and place_of(moved) is not None
+
+
 def test_subfaces_count_within_polygons_of_any_size():
     angles = np.linspace(0, 2 * np.pi, 6, endpoint=False)
     hexagon = [(np.cos(a), np.sin(a), 0) for a in angles]

@@ -67,13 +67,14 @@ def furnace(name="Furnace"):
     return mesh_object(name, CUBE, INWARD, surface=material("Glow", emission=1.0))
 
 
-def read_scene():
-    """Read the scene as the add-on does; return the result."""
+def read_scene(shared=False):
+    """Read the scene as the add-on does; return the result. shared: True for meshes in shared memory."""
     import bpy
 
     scene = part("operators.scene")
     context, resolution = scene.SceneContext(bpy.context), bpy.context.scene.hemibake.resolution
-    return finished(scene.read_scene(context, scene.visible_meshes(context), "Lightmap", resolution))
+    meshes = scene.visible_meshes(context)
+    return finished(scene.read_scene(context, meshes, "Lightmap", resolution, shared=shared))
 
 
 def unwrap_missing(objects, resolution, changes):

@@ -10,7 +10,7 @@ from engine import Scene, SceneChanges, Session, Settings, finished
 from engine.device.cl_device import ComputeDevice
 from engine.device.devices import Devices
 from engine.gather.visibility_cache import VisibilityCache
-from engine.patches import chart_raster
+from engine.patches import device_charts
 from engine.patches.patch_scene import make_patch_scene
 from engine.resume.checkpoint import Checkpoint, Checkpoints
 from engine.scene.digests import same_values
@@ -203,8 +203,8 @@ def test_charts_that_stay_are_not_drawn_again(lively, monkeypatch):
     session, random, drawn = lively(ComputeDevice), np.random.default_rng(3), []
     live = session.live(open_room(), SETTINGS)
     finished(live.converge())
-    draw = chart_raster.draw_charts
-    monkeypatch.setattr(chart_raster, "draw_charts", lambda *drawing: drawn.append(1) or draw(*drawing))
+    draw = device_charts.render_charts
+    monkeypatch.setattr(device_charts, "render_charts", lambda *drawing: drawn.append(1) or draw(*drawing))
     for _ in range(6):
         charts = session._kept._patch_scene.triangles.uvs
         live.update(edit(live.scene, random))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from engine.scene.model import Light, Scene
-from engine.scene.triangles import join_meshes
+from engine.scene.triangles import bounding_box, join_meshes
 from tests.analytic.scenes import material, quads, rectangle, room_walls
 
 GREY = material("Grey", 0.5)
@@ -70,3 +70,12 @@ def test_charts_of_nearly_no_area_have_no_huge_texels():
     ).uv_sizes
     mean = np.sqrt(18 / (1 + 1e-6)) * 7
     assert sizes == pytest.approx(np.repeat([21, 4 * mean, mean], 2), rel=1e-4)
+
+
+@pytest.mark.parametrize("count", [1, 255, 256, 1000])
+def test_bounding_box_contains_the_extreme_corner_anywhere(count):
+    for place in {0, count // 2, count - 1}:
+        points = np.random.default_rng(count).uniform(-1, 1, (count, 3)).astype(np.float32)
+        points[place] = -2, 3, 4
+        expected = [points.min(axis=0), points.max(axis=0)]
+        assert np.array_equal(bounding_box(points), expected)

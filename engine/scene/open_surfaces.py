@@ -7,15 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..array_ops import (
-    joined_rows,
-    largest_in_rows,
-    map_blocks,
-    map_slabs,
-    order_of_hashes,
-    run_starts,
-    taken,
-)  # fmt: skip
+from ..array_ops import joined_rows, map_blocks, order_of_hashes, range_members, run_starts, taken
 from .memo import Memo
 from .model import Mesh
 
@@ -31,6 +23,9 @@ _SHIFTS = (0.3819660112501051, 0.8819660112501051)
 #: Multipliers and shifts of the hash: the finalizer of SplitMix64 (Steele, Lea and Flood 2014).
 _MIX = ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB))
 _LAST_SHIFT = 31
+
+#: Runs of connected triangles are joined while at least one in this number of nodes follows another (chosen).
+_FEWEST = 8
 
 
 class OpenSurfaces:
@@ -92,15 +87,17 @@ def closed_meshes(positions: Sequence[np.ndarray]) -> list[bool]:
     """
     counts = np.array([len(each) for each in positions])
     closed = counts == 0
+    chosen, corners = np.zeros(0, int), np.zeros((0, 3, 3), np.float32)
     for shift in _SHIFTS:
-        chosen = np.flatnonzero(~closed)
+        before, chosen = chosen, np.flatnonzero(~closed)
         if not len(chosen):
             break
-        corners = joined_rows([positions[index] for index in chosen])
+        if len(chosen) != len(before):
+            corners = joined_rows([positions[index] for index in chosen])
         starts = np.cumsum(counts[chosen]) - counts[chosen]
-        largest = np.maximum.reduceat(_largest_coordinates(corners), starts)
-        edges = _edge_keys(corners, np.repeat(_cell(largest), counts[chosen]), shift)
-        closed[chosen] = np.bitwise_xor.reduceat(edges[:, 0] ^ edges[:, 1] ^ edges[:, 2], starts) == 0
+        cells = np.repeat(_cell(_largest_coordinates(corners, starts)), counts[chosen])
+        edges = _edge_keys(corners, cells, shift).ravel()
+        closed[chosen] = np.bitwise_xor.reduceat(edges, 3 * starts) == 0
     return list(closed)
 
 
@@ -112,34 +109,44 @@ def open_triangles(meshes: Sequence[Mesh]) -> np.ndarray:
     """
     positions = joined_rows([mesh.positions for mesh in meshes])
     count = len(positions)
-    cells = np.full(count, _cell(_largest_coordinates(positions).max(initial=0)))
-    left, some, joined = np.arange(3 * count), np.arange(count), []
+    if not count:
+        return np.zeros(0, bool)
+    cells = _cell(_largest_coordinates(positions, np.zeros(1, int)))
+    keys, left = _edge_keys(positions, cells, _SHIFTS[0]).ravel(), np.zeros(0, int)
+    joined: list[np.ndarray] = []
     for shift in _SHIFTS:
         # The second grid tests the edges that the first leaves over; paired edges do not change parities.
-        keys = _edge_keys(positions if len(some) == count else positions[some], cells[some], shift)
-        keys = keys.ravel() if len(left) == 3 * count else keys[np.searchsorted(some, left // 3), left % 3]
-        if not (has_length := keys != 0).all():
-            left, keys = left[has_length], keys[has_length]
+        if joined:
+            some = _distinct(left // 3)
+            keys = _edge_keys(positions[some], cells, shift)[np.searchsorted(some, left // 3), left % 3]
+        has_length = keys != 0
+        is_whole = not joined and bool(has_length.all())
+        if not is_whole:
+            left = left[has_length] if joined else np.flatnonzero(has_length)
+            keys = keys[has_length]
         # If the XOR of all keys is 0, each edge has an even number of triangles: the meshes are closed.
         # Keys of open edges cancel by chance with a probability of 2^-64; see `closed_meshes`.
         if not np.bitwise_xor.reduce(keys):
             return np.zeros(count, bool)
         odd, neighbours = _paired(keys)
-        joined.append((neighbours if len(left) == 3 * count else left[neighbours]) // 3)
-        left = left[odd]
-        some = np.unique(left // 3)
-    return _components_of(some, np.concatenate(joined, axis=1), count)
+        joined.append((neighbours if is_whole else left[neighbours]) // 3)
+        left = odd if is_whole else left[odd]
+    return _components_of(_distinct(left // 3), np.concatenate(joined, axis=1), count)
 
 
-def _largest_coordinates(positions: np.ndarray) -> np.ndarray:
-    """Return the largest absolute coordinate of each triangle, (t,) float32."""
-    largest = np.empty(len(positions), np.float32)
+def _distinct(ordered: np.ndarray) -> np.ndarray:
+    """Return the distinct values of ascending ones, (n,) -> (k,)."""
+    return ordered[run_starts(ordered)]
 
-    def find(rows: slice) -> None:
-        largest[rows] = largest_in_rows(np.abs(positions[rows]).reshape(-1, 9))
 
-    map_slabs(len(positions), 72, find)
-    return largest
+def _largest_coordinates(positions: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """Return the largest absolute coordinate of each run of triangles, (m,) float32.
+
+    positions:  (t, 3, 3) float32
+    starts:     (m,) int64, first triangle of each run
+    """
+    values, firsts = positions.reshape(-1), 9 * starts
+    return np.maximum(np.maximum.reduceat(values, firsts), -np.minimum.reduceat(values, firsts))
 
 
 def _cell(largest: np.ndarray) -> np.ndarray:
@@ -153,14 +160,15 @@ def _edge_keys(positions: np.ndarray, cells: np.ndarray, shift: float) -> np.nda
     Edges without length have the key 0.
 
     positions:  (t, 3, 3) float32, m
-    cells:      (t,) width of the welding grid, m
+    cells:      (t,) or (1,) float64, width of the welding grid, m
     shift:      shift of the grid, cells
     """
     edges = np.empty(positions.shape[:2], np.uint64)
 
     def find(block: slice) -> None:
         # Coordinates first: short rows are slow in NumPy.
-        scaled = np.ascontiguousarray(positions[block].transpose(2, 1, 0)) / cells[block]
+        corners = np.ascontiguousarray(positions[block].transpose(2, 1, 0))
+        scaled = corners / (cells[block] if len(cells) > 1 else cells)
         scaled += shift
         x, y, z = np.floor(scaled, out=scaled).astype(np.int64)
         corners = _mixed((x << 42) ^ (y << 21) ^ z)
@@ -190,30 +198,54 @@ def _paired(keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     pairs of equal keys that connect all equal ones, (2, p) int64.
     """
     order, ordered = order_of_hashes(keys)
-    lengths = np.diff(run_starts(ordered), append=len(keys))
-    odd = np.sort(order[np.repeat(lengths % 2 == 1, lengths)])
+    starts = run_starts(ordered)
+    lengths = np.diff(starts, append=len(keys))
+    is_odd = lengths % 2 == 1
+    odd = np.sort(order[range_members(starts[is_odd], lengths[is_odd])])
     same = np.flatnonzero(ordered[1:] == ordered[:-1])
-    return odd, np.stack([order[same], order[same + 1]])
+    return odd, np.stack([taken(order, same), taken(order, same + 1)])
 
 
 def _components_of(chosen: np.ndarray, neighbours: np.ndarray, count: int) -> np.ndarray:
     """Return the triangles that edges connect to chosen ones, (count,) bool.
 
-    Label propagation: the smallest label spreads over shared edges, with pointer jumping (Shiloach and
-    Vishkin 1982).
-
     chosen:      (m,) int64, triangles
     neighbours:  (2, p) int64, pairs of triangles with a common edge
     """
-    label, (one, other) = np.arange(count), neighbours
+    node, label = _labels(neighbours[0], neighbours[1], count)
+    is_chosen = np.zeros(count, bool)
+    is_chosen[label[node[chosen]]] = True
+    return taken(taken(is_chosen, label), node)
+
+
+def _labels(one: np.ndarray, other: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the node of each triangle, (count,) int64, and the label of each node's component, (k,) int64.
+
+    Runs of successive connected triangles become nodes first, because most meshes store neighbours one after
+    another. Then labels spread over edges, with pointer jumping (Shiloach and Vishkin 1982).
+
+    one, other: (p,) int64, pairs of connected triangles
+    """
+    node = np.arange(count)
+    while len(one):
+        follows = np.zeros(count, bool)
+        follows[np.maximum(one, other)[np.abs(one - other) == 1]] = True
+        if np.count_nonzero(follows) <= count // _FEWEST:
+            break
+        number = np.cumsum(~follows) - 1
+        node, count = taken(number, node), int(number[-1]) + 1
+        one, other = _renamed(number, one, other)
+    label = np.arange(count)
     while len(one):
         np.minimum.at(label, np.maximum(one, other), np.minimum(one, other))
         while not np.array_equal(further := taken(label, label), label):
             label = further
-        one, other = taken(label, one), taken(label, other)
-        differ = one != other
-        one, other = one[differ], other[differ]
-    is_chosen = np.zeros(count, bool)
-    is_chosen[label[chosen]] = True
-    result: np.ndarray = is_chosen[label]
-    return result
+        one, other = _renamed(label, one, other)
+    return node, label
+
+
+def _renamed(number: np.ndarray, one: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return pairs of nodes with new numbers, without pairs of equal ones."""
+    one, other = taken(number, one), taken(number, other)
+    differ = one != other
+    return one[differ], other[differ]

@@ -147,3 +147,16 @@ def test_a_back_has_its_own_material_where_it_differs_and_no_patches_where_it_is
     )
     turned = with_places(Scene((sheet(),), (glass,)), RESOLUTION).materials[1].transmission
     assert turned == Transmission(CLEAR, glass.transmission.bounce_back, OPAQUE, OPAQUE)
+
+
+@pytest.mark.parametrize("is_strip", [True, False])
+def test_components_are_connected_in_any_order_of_triangles(is_strip):
+    rng, count = np.random.default_rng(3), 400
+    component = np.sort(rng.integers(0, 9, count)) if is_strip else rng.integers(0, 9, count)
+    members = np.argsort(component, kind="stable")
+    pairs = np.stack([members[:-1], members[1:]])
+    pairs = pairs[:, component[pairs[0]] == component[pairs[1]]]
+    pairs = rng.permuted(pairs, axis=0)[:, rng.permutation(pairs.shape[1])]
+    chosen = np.array([7, 123])
+    found = open_surfaces._components_of(chosen, pairs, count)
+    assert np.array_equal(found, np.isin(component, component[chosen]))

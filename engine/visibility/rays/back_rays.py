@@ -33,13 +33,17 @@ class BackRays:
         return max(-(-self.count // 32), 1)
 
     @classmethod
-    def of(cls, weight: np.ndarray, count: int, side: float, height: float) -> BackRays:
+    def of(
+        cls, weight: np.ndarray, count: int, side: float, height: float, starting: np.ndarray | None = None
+    ) -> BackRays:
         """Create rays, whose number per triangle is proportional to its weight, (t,) float.
 
         Not all weights may be 0.
+
+        starting:  (k,) int64, ascending, all triangles with a weight; None to search for them
         """
         # Later rounds start from few triangles.
-        starting = np.flatnonzero(weight)
+        starting = np.flatnonzero(weight) if starting is None else starting
         total = np.cumsum(weight[starting], dtype=np.float64)
         ends = np.floor(total * (count / max(total[-1], 1e-300))).clip(max=count).astype(np.uint32)
         repeated = np.diff(starting, prepend=0, append=len(weight))

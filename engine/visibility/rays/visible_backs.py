@@ -187,35 +187,62 @@ def _visible(
         min(OF_TEXEL * texel, OF_DIAGONAL * triangles.diagonal),
         OF_COORDINATE * float(np.abs([triangles.box, triangles.box + triangles.origin]).max()),
     )
-    fixed = _stays(scene)[triangles.material]
-    visible, more = np.zeros(len(candidates), bool), np.zeros(len(candidates), bool)
+    visible = np.zeros(len(candidates), bool)
     area = triangle_areas(triangles.positions) / (COARSENESS * texel) ** 2
     chosen = np.flatnonzero(candidates)
 
     # Number 0 contains all triangles that are no candidates.
     cluster = np.zeros(len(candidates), np.int32)
-    cluster[chosen] = clusters(triangles, chosen, _CLUSTER * texel) + 1
-    cast, max_rays = _caster(tracer, triangles.positions), _max_rays(tracer)
-
-    def rays_from(weight: np.ndarray, side: float) -> list[CastRays]:
-        """Return rays that start on a side of triangles, (t,) texels; none without texels."""
-        if not weight.any():
-            return []
-        count = int(np.clip(_RAYS * weight.sum(), _MIN_RAYS, max_rays))
-        return [cast(BackRays.of(weight, count, side, height))]
-
-    fronts = rays_from(_texels(triangles, resolution), 1.0)
+    number = clusters(triangles, chosen, _CLUSTER * texel) + 1
+    cluster[chosen] = number
+    hit_backs = np.zeros(int(number.max(initial=0)) + 1, bool)
+    rays_from = _ray_maker(tracer, triangles.positions, height)
+    fronts = rays_from(_texels(triangles, resolution), 1.0, None)
+    backs: list[CastRays] = []
+    more, stays = np.zeros(0, np.int64), _stays(scene)
+    if stays.any():
+        more, changes = np.flatnonzero(stays[triangles.material]), ~stays[triangles.material[chosen]]
+        chosen, number = chosen[changes], number[changes]
     for _ in range(_ROUNDS):
-        hit_backs = np.zeros(int(cluster.max()) + 1, bool)
-        for rays in (*fronts, *rays_from(np.where(more, area, 0), -1.0)):
+        hit_backs[:] = False
+        for rays in (*fronts, *backs):
             hits = yield from rays.hit_backs(visible)
             hit_backs[cluster[np.flatnonzero(hits)]] = True
         hit_backs[0] = False
-        more = (fixed | hit_backs[cluster]) & ~visible
-        if not more.any():
+        if hit_backs.any():
+            # Candidates are left while their cluster has not been hit.
+            is_hit = hit_backs[number]
+            more = np.union1d(more, chosen[is_hit]) if len(more) else chosen[is_hit]
+            chosen, number = chosen[~is_hit], number[~is_hit]
+        if not len(more):
             break
-        visible |= more
+        visible[more] = True
+        weight = np.zeros_like(area)
+        weight[more] = area[more]
+        backs, more = rays_from(weight, -1.0, more), more[:0]
     return visible & candidates
+
+
+def _ray_maker(
+    tracer: RayTracer | ShaderTracer, positions: np.ndarray, height: float
+) -> Callable[[np.ndarray, float, np.ndarray | None], list[CastRays]]:
+    """Return a function of the texels of triangles, (t,), a side, and `starting` as in `BackRays.of`.
+
+    It returns rays that start on this side of the triangles, none without texels.
+
+    positions:  (t, 3, 3) float32, m
+    height:     of ray origins above the surface, m
+    """
+    cast, max_rays = _caster(tracer, positions), _max_rays(tracer)
+
+    def rays_from(weight: np.ndarray, side: float, starting: np.ndarray | None) -> list[CastRays]:
+        total = weight.sum()
+        if not total:
+            return []
+        count = int(np.clip(_RAYS * total, _MIN_RAYS, max_rays))
+        return [cast(BackRays.of(weight, count, side, height, starting))]
+
+    return rays_from
 
 
 def _max_rays(tracer: RayTracer | ShaderTracer) -> int:

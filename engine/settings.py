@@ -34,7 +34,7 @@ _METHODS = {
     "paper": Option("Paper", "Draw radiance hemicubes for every bounce, as in the paper"),
 }
 _VISIBILITIES = {
-    "auto": Option("Automatic", "Time both on the scene and use the faster. Fix one for repeatable results"),
+    "auto": Option("Automatic", "Rays, or Raster on devices that cannot cast rays"),
     "raster": Option("Raster", "Draw hemicubes with OpenGL"),
     "rays": Option("Rays", "Cast rays with OpenCL"),
 }

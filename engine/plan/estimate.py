@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ..settings import Settings
-from ..visibility.sample_counts import most_samples, sample_bytes
+from ..visibility.sample_counts import expected_samples, sample_bytes
 from .stages import BakeStages, Extent
 
 
@@ -44,6 +44,6 @@ def estimate(
     stages = BakeStages(extent, settings, dict(paces))
     stages.scale(speed)
     seconds = stages.estimate_seconds(patches) + (preparing if math.isfinite(preparing) else 0.0)
-    size = most_samples(settings) * sample_bytes(patches, extent.tinted)
+    size = expected_samples(settings) * sample_bytes(patches, extent.tinted)
     samples = patches * size if settings.has_indirect else 0
     return Estimate(patches, samples, seconds, stages.visibility.measured)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..settings import Settings
-from ..visibility.sample_counts import most_samples, sample_bytes
+from ..visibility.sample_counts import expected_samples, sample_bytes
 from ..visibility.sampler import VisibilitySampler
 from .solve_job import SolveJob
 
@@ -118,7 +118,7 @@ def group_width(job: SolveJob) -> tuple[int, tuple[str, ...]]:
             f"{count:,} texels."
         )
         return width, (reason,) if width > 1 else ()
-    needed = most_samples(settings) * count * sample_bytes(count, job.patch_scene.cutouts.tinted)
+    needed = expected_samples(settings) * count * sample_bytes(count, job.patch_scene.cutouts.tinted)
     if settings.method != "auto" or needed <= memory_budget(job):
         return 1, ()
     reason = (

@@ -1,4 +1,4 @@
-"""Timed trial of the visibility samplers "rays" and "raster" on some patches of the scene."""
+"""Choice of the visibility sampler, and a timed trial of rays on some patches of the scene."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from ..visibility.raster.raster_sampler import RasterSampler
 from ..visibility.rays.ray_sampler import RaySampler
 from ..visibility.sampler import VisibilitySampler
 from .memory import device_budget, visibility_passes
-from .rates import DrawingRates, hemicubes_bound
 from .solve_job import SolveJob
 
 #: Names of the visibility samplers.
@@ -23,12 +22,8 @@ SAMPLERS = ("rays", "raster")
 #: Growth factor of the next ones, and duration in seconds that ends the trial.
 _TRIED, _FULL, _MORE, _LONG_ENOUGH = 32, 1 << 17, 8, 0.01
 
-#: Time in seconds: if rays for all patches take less, raster is not tried, since the trial would take as
-#: long.
+#: Time in seconds: if rays for all patches take less by the first run, the trial ends.
 _SHORT = 0.5
-
-#: Raster is not tried if rays are this many times as fast as the fastest possible raster on this device.
-_CLEARLY = 4
 
 
 def make_sampler(job: SolveJob, visibility: str) -> VisibilitySampler:
@@ -42,9 +37,10 @@ def untried_visibility(settings: Settings) -> str:
 
 
 def choose_sampler(job: SolveJob) -> tuple[VisibilitySampler, list[str], float]:
-    """Choose the visibility sampler; return it, the reasons, and the time of a sample, s (NaN untimed).
+    """Return the visibility sampler, the reasons, and the time of a sample, s (NaN untimed).
 
-    If the settings allow both, the faster one on a few patches of the scene is chosen.
+    Rays unless the settings request raster: a hemicube sees from the centre of a texel only, and a choice by
+    speed would depend on the load of the machine.
     """
     wanted, makers = job.settings.visibility, _makers(job)
     if wanted != "auto":
@@ -54,53 +50,14 @@ def choose_sampler(job: SolveJob) -> tuple[VisibilitySampler, list[str], float]:
             else f"The settings request {wanted}."
         )
         return makers[wanted](), [why], math.nan
-    tried: dict[str, VisibilitySampler] = {}
-    rates: dict[str, float] = {}
-    reason_to_stop = ""
-    for name, make in makers.items():
-        tried[name] = make()
-        rates[name] = _patches_per_second(job, tried[name])
-        reason_to_stop = _why_alone(job, tried[name], rates[name])
-        if reason_to_stop:
-            break
-    best = max(rates, key=lambda name: rates[name])
-    summary = " and ".join(
-        f"{name} {rate:,.0f} ({tried[name].samples} samples)" for name, rate in rates.items()
-    )
-    reasons = [f"Patches sampled per second: {summary}."]
-    if reason_to_stop and len(tried) < len(makers):
-        reasons.append(f"No other method was tried: {reason_to_stop}.")
-    if "raster" in rates:
-        drawing, texels = _drawing_rates(job)
-        drawing.record(len(job.patch_scene.triangles.positions), rates["raster"] * texels)
-
-    # Release the memory of the rejected sampler.
-    chosen = tried.pop(best)
-    tried.clear()
-    job.graphics.collect()
-    return chosen, reasons, 1 / (rates[best] * chosen.samples)
-
-
-def _why_alone(job: SolveJob, sampler: VisibilitySampler, rate: float) -> str:
-    """Return the reason not to try raster, given a rate in patches per second; empty if it is tried."""
-    if rate * _SHORT > job.count * visibility_passes(job, sampler):
-        return f"{sampler.name} need {job.count / rate:.2g} s for all texels"
-    (drawing, texels), triangles = _drawing_rates(job), len(job.patch_scene.triangles.positions)
-    drawn = min(drawing.bound(triangles) / texels, hemicubes_bound(job.graphics.name, triangles))
-    if rate > _CLEARLY * drawn:
-        return f"raster reaches at most {drawn:,.0f} on this device"
-    return ""
-
-
-def _drawing_rates(job: SolveJob) -> tuple[DrawingRates, int]:
-    """Return the recorded raster rates for this hemicube width, and the texels of each hemicube."""
-    settings = job.settings
-    rates = DrawingRates(settings.cache_dir, job.graphics.name, settings.hemicube)
-    return rates, 3 * settings.hemicube**2
+    sampler = makers["rays"]()
+    rate = _patches_per_second(job, sampler)
+    why = f"Rays sample {rate:,.0f} texels per second ({sampler.samples} samples)."
+    return sampler, [why], 1 / (rate * sampler.samples)
 
 
 def _makers(job: SolveJob) -> dict[str, Callable[[], VisibilitySampler]]:
-    """Return a constructor for each sampler by name, the sampler with the shorter trial first."""
+    """Return a constructor for each sampler by name."""
     return {
         "rays": lambda: RaySampler(job.opencl, job.rays, job.patch_scene, job.background, job.settings),
         "raster": lambda: RasterSampler(
@@ -110,14 +67,13 @@ def _makers(job: SolveJob) -> dict[str, Callable[[], VisibilitySampler]]:
 
 
 def _patches_per_second(job: SolveJob, sampler: VisibilitySampler) -> float:
-    """Return the patches per second of a sampler, timed on growing numbers of patches.
+    """Return the patches per second of rays, timed on growing numbers of patches.
 
-    Fixed overhead, such as the copy of a whole batch of hemicubes, is subtracted. The trial ends early if all
-    patches take only a moment.
+    Fixed overhead is subtracted. The trial ends early if all patches take only a moment.
     """
     largest = min(job.opencl.device.max_mem_alloc_size, device_budget(job)) // sampler.row_bytes
-    fills = isinstance(sampler, RaySampler) and not job.opencl.processor
-    tried = min(max(_TRIED, fills * _FULL // sampler.samples), job.count)
+    full = 0 if job.opencl.processor else _FULL
+    tried = min(max(_TRIED, full // sampler.samples), job.count)
     largest, before = min(job.count, max(_TRIED, largest)), (0, 0.0)
     tried = min(tried, largest)
     views = job.count * visibility_passes(job, sampler)

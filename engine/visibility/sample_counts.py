@@ -23,13 +23,6 @@ def ray_count(settings: Settings) -> int:
 
 
 def expected_samples(settings: Settings) -> int:
-    """Return the samples per patch before the visibility method is chosen."""
+    """Return the samples per patch that the settings ask for, by rays or by drawn hemicubes."""
     drawn = settings.visibility == "raster" or settings.directions == "hemicube" or settings.method == "paper"
     return 3 * settings.hemicube**2 if drawn else ray_count(settings)
-
-
-def most_samples(settings: Settings) -> int:
-    """Return the maximum number of samples per patch over all allowed visibility methods."""
-    hemicube, rays = 3 * settings.hemicube**2, ray_count(settings)
-    cast = hemicube if settings.directions == "hemicube" else rays
-    return {"raster": hemicube, "rays": cast, "auto": max(hemicube, cast)}[settings.visibility]

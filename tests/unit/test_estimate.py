@@ -39,7 +39,7 @@ def test_paces_of_earlier_bakes_count():
 @pytest.mark.parametrize(("patches", "size"), [(65_534, 2), (65_535, 4)])
 def test_memory_is_that_of_the_samples_and_more(patches, size):
     told = estimate(EXTENT, patches, SETTINGS, {})
-    assert told.sample_bytes == patches * 3 * 16**2 * size
+    assert told.sample_bytes == patches * 256 * size
 
 
 def test_estimate_without_bounces_needs_no_samples():

@@ -27,6 +27,20 @@ from .patch_kernels import OPTIONS, SOURCE
 #: Texels of each work item, as in kernels/patches/list_patches.cl.
 SEGMENT = 32
 
+#: Bytes of a texel in the larger image and in both, and maximum fraction of the device's memory for them
+#: (chosen). Kernels number texels by int32.
+_LARGER, _BOTH, _FRACTION, _MOST_TEXELS = 8, 12, 1 / 4, 1 << 31
+
+
+def fits_device(compute: ComputeDevice, texels: int) -> bool:
+    """Return True if the drawings of that many texels, covered or not, fit the device."""
+    device = compute.device
+    return (
+        texels < _MOST_TEXELS
+        and _LARGER * texels <= device.max_mem_alloc_size
+        and _BOTH * texels <= _FRACTION * device.global_mem_size
+    )
+
 
 class DeviceCharts:
     """Drawings of all atlases of a scene on the device, images of (atlases, r, r) texels.

@@ -15,6 +15,7 @@ from ..scene.model import Scene
 from ..scene.triangles import Triangles, join_meshes
 from ..settings import Settings
 from .chart_texels import ChartTexels, read_charts
+from .device_charts import fits_device
 from .geometry import PatchGeometry, texel_steps
 from .patch_list import PatchList
 from .patch_materials import KnownSurfaces, PatchMaterials, patch_surfaces
@@ -97,12 +98,14 @@ def make_patch_scene(
     last = before[0] if before else None
     triangles = join_meshes(scene, last.triangles if last else None)
     steps = texel_steps(triangles, settings.resolution)
+    texels = len(scene.atlases) * settings.resolution**2
+    drawn_on = compute if compute is not None and fits_device(compute, texels) else None
     charts = last.charts if last else None
     if last is None or charts is None or not charts.fits(scene, triangles, last.triangles):
-        charts, last = read_charts(graphics, compute, scene, triangles, steps, settings), None
+        charts, last = read_charts(graphics, drawn_on, scene, triangles, steps, settings), None
     where = charts.patches.triangle_rows, charts.patches.barycentric_rows
     covered = PatchGeometry(triangles, steps, *where, charts.on_triangle)
-    index = index_map(compute, covered, charts, last.index if last else None)
+    index = index_map(drawn_on, covered, charts, last.index if last else None)
     patches = index.patches
     where = patches.triangle_rows, patches.barycentric_rows
     geometry = PatchGeometry(triangles, steps, *where, index.on_triangle)

@@ -4,16 +4,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine import Material, Scene, SceneError
+from engine import Material, Scene, SceneError, Settings
 from engine.device.device_rows import host_rows
 from engine.object_message import objects_of
-from engine.patches import chart_raster
+from engine.patches import chart_raster, patch_scene
 from engine.patches.chart_raster import ALIGNED, OVERLAP, PATCHES, TOUCHED
 from engine.patches.chart_texels import ChartTexels
-from engine.patches.device_charts import DeviceCharts
+from engine.patches.device_charts import DeviceCharts, fits_device
 from engine.patches.device_patch_list import list_patches_on
 from engine.patches.geometry import patch_geometry, texel_steps
 from engine.patches.patch_list import list_patches
+from engine.patches.patch_scene import make_patch_scene
 from engine.patches.texel_coverage import (
     border_texels,
     border_texels_on,
@@ -273,6 +274,20 @@ def test_patches_of_the_device_are_those_of_the_host(graphics, compute):
     border = border_texels_on(drawn, patches.index.entries_in(3))
     wanted = border_texels(graphics, triangles, expected.on_texels(3))
     assert np.array_equal(border.texel, wanted.texel) and np.array_equal(border.triangle, wanted.triangle)
+
+
+def test_charts_beyond_the_device_are_listed_on_the_host(graphics, compute, monkeypatch):
+    assert fits_device(compute, 1000) and not fits_device(compute, 1 << 31)
+    scene = nine_quad_room()
+    bakes = []
+    for fits in (True, False):
+        monkeypatch.setattr(patch_scene, "fits_device", lambda *_, fits=fits: fits)
+        bakes.append(make_patch_scene(graphics, compute, scene, Settings(resolution=61)))
+    for name in ("texel", "triangle"):
+        assert np.array_equal(*(getattr(made.patches, name) for made in bakes))
+    one, other = (made.patches.barycentric for made in bakes)
+    assert one == pytest.approx(other, abs=1e-5)
+    assert np.array_equal(*(made.texel_to_patch for made in bakes))
 
 
 @pytest.mark.parametrize("resolution", [17, 331])

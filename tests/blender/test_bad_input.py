@@ -138,7 +138,7 @@ def test_error_names_the_cause_and_the_remedy_and_nothing_changes(case, tmp_path
 
 
 def test_what_was_made_for_a_bake_that_fails_is_removed(monkeypatch):
-    def refuse(*arguments):
+    def refuse(*arguments, **named):
         raise part("engine.errors").SceneError("Refused.")
 
     mesh_object("New", SQUARE, [(0, 1, 2, 3)])

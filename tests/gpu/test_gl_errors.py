@@ -35,7 +35,6 @@ def refused(monkeypatch, program):
     ("program", "settings", "task"),
     [
         ("patches", QUICK, "drawing lightmap UVs"),
-        ("overlap", QUICK, "drawing lightmap UVs"),
         ("conservative_coverage", QUICK, "drawing lightmap UVs"),
         ("hemicube", QUICK, "making room for hemicubes"),
         ("hemicube", PAPER, "making room for hemicubes"),

@@ -172,6 +172,8 @@ def _has_infinite(name: str) -> Callable[[Sequence[Mesh]], bool]:
 def _is_unordered(meshes: Sequence[Mesh]) -> bool:
     """Return True if triangles of a mesh are not in the order of face, then subface."""
     face, subface = joined(meshes, "face"), joined(meshes, "subface")
+    if not len(face):
+        return False
     if face.min(initial=0) < 0 or subface.min(initial=0) < 0:
         return True
     is_inner = np.ones(len(face), bool)

@@ -173,6 +173,18 @@ def test_triangles_out_of_order(face, subface):
         check_scene(scene(triangle(**two, **index)))
 
 
+def test_meshes_without_faces_beside_others():
+    """A large mesh and a faulty one, whose groups leave the empty mesh alone."""
+    one, count = triangle(), 5000
+    names = ("positions", "normals", "uvs", "subface", "material")
+    many = {name: np.repeat(getattr(one, name), count, axis=0) for name in names}
+    empty, large = one.subset(np.zeros(1, bool)), triangle(**many, face=np.arange(count, dtype=np.int32))
+    check_scene(scene(large, empty))
+    bad = triangle(name="Bad", positions=np.full((1, 3, 3), np.nan, np.float32))
+    with pytest.raises(SceneError, match="Object 'Bad' has NaN"):
+        check_scene(scene(empty, bad))
+
+
 def test_no_mesh():
     with pytest.raises(SceneError, match="no mesh with faces"):
         check_scene(scene())

@@ -43,10 +43,11 @@ class SharedArrays:
     def __init__(self, size: int, arrays: int) -> None:
         """Create a block for a number of arrays of `size` bytes in total.
 
-        Raises WorkerError if memory is short.
+        Raises WorkerError if memory is short: half of the free memory is left to other blocks.
         """
-        block = _Block(create_memory(size + _ALIGNED * arrays))
-        weakref.finalize(block, _remove, block.memory)
+        size += _ALIGNED * arrays
+        block = _Block(create_memory(size, spare=size))
+        weakref.finalize(block, block.memory.unlink)
         self._bytes, self._used = np.asarray(block), 0
 
     def empty(self, shape: tuple[int, ...], dtype: type | np.dtype) -> np.ndarray:
@@ -73,8 +74,3 @@ def array_at(name: str, first: int, shape: tuple[int, ...], dtype: str) -> np.nd
         block = _opened[name] = np.asarray(_Block(attach_memory(name)))
     size = prod(shape) * np.dtype(dtype).itemsize
     return block[first : first + size].view(dtype).reshape(shape)
-
-
-def _remove(memory: SharedMemory) -> None:
-    memory.close()
-    memory.unlink()

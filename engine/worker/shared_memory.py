@@ -11,25 +11,45 @@ from pathlib import Path
 
 from ..errors import WorkerError
 
+#: Folder of the blocks on Linux.
+_FOLDER = Path("/dev/shm")
 
-def create_memory(size: int) -> SharedMemory:
+
+def create_memory(size: int, spare: int = 0) -> SharedMemory:
     """Create a block of `size` bytes; raise WorkerError if memory is short.
 
-    Tests for space first, since Linux kills a process that writes without it.
+    Reserves the space, since Linux kills a process that writes without it.
+
+    spare:  bytes that must stay free for other blocks
     """
-    if size > _room():
+    if size + spare > _room():
         raise _no_room(size)
     try:
-        return SharedMemory(create=True, size=size)
+        memory = SharedMemory(create=True, size=size)
     except OSError as error:
         raise _no_room(size) from error
+    try:
+        _reserve(memory)
+    except OSError as error:
+        memory.close()
+        memory.unlink()
+        raise _no_room(size) from error
+    return memory
+
+
+def _reserve(memory: SharedMemory) -> None:
+    """Allocate the pages of a block where the system would do so at the first write."""
+    path = _FOLDER / memory.name
+    if sys.platform == "linux" and path.exists():
+        with path.open("r+b") as file:
+            os.posix_fallocate(file.fileno(), 0, memory.size)
 
 
 def _room() -> float:
     """Return the free shared memory, bytes; infinity if unknown."""
-    if sys.platform != "linux" or not Path("/dev/shm").exists():
+    if sys.platform != "linux" or not _FOLDER.exists():
         return math.inf
-    room = os.statvfs("/dev/shm")
+    room = os.statvfs(_FOLDER)
     return room.f_bavail * room.f_frsize if room.f_blocks else math.inf
 
 

@@ -280,13 +280,17 @@ class _SceneReading:
         return ReadScene(scene, entries, (*self._notes, *self._left_out), fingerprints, uv_digests, placed)
 
     def _room(self) -> SharedMeshes | None:
-        """Return shared memory for the meshes; None for a small scene."""
+        """Return shared memory for the meshes; None for a small scene, or if shared memory is short."""
+        from ...engine.errors import WorkerError
         from ...engine.worker.shared_meshes import SharedMeshes
 
         if not SharedMeshes.pay_off(self.triangles):
             return None
         maps = [uvs for reading in self._readings for uvs in reading.mesh.corners.texture_uvs.values()]
-        return SharedMeshes(self.triangles, sum(map(len, maps)), len(maps))
+        try:
+            return SharedMeshes(self.triangles, sum(map(len, maps)), len(maps))
+        except WorkerError:
+            return None
 
     def _meshes(self, room: SharedMeshes | None) -> Slices[list[Mesh]]:
         """Return the world-space meshes; each mesh in object space is released after its last use.

@@ -44,6 +44,14 @@ def test_large_scenes_are_read_into_shared_memory(monkeypatch):
             assert place_of(private) is None and place_of(moved) is not None
 
 
+def test_scenes_are_read_into_private_memory_if_shared_memory_is_short(monkeypatch):
+    square("One")
+    monkeypatch.setattr(part("engine.worker.shared_meshes"), "_LEAST", 0)
+    monkeypatch.setattr(part("engine.worker.shared_memory"), "_room", lambda: 1000.0)
+    (mesh,) = read_scene(shared=True).scene.meshes
+    assert part("engine.worker.shared_arrays").place_of(mesh.positions) is None
+
+
 def test_subfaces_count_within_polygons_of_any_size():
     angles = np.linspace(0, 2 * np.pi, 6, endpoint=False)
     hexagon = [(np.cos(a), np.sin(a), 0) for a in angles]

@@ -52,7 +52,9 @@ class DeviceRows:
 
     def some(self, places: np.ndarray) -> np.ndarray:
         """Return values of an array of integers at flat indices, (k,), on the host: (k,)."""
-        if self._copy is not None or not len(places):
+        if not len(places):
+            return np.zeros(0, self.dtype)
+        if self._copy is not None:
             return self.on_host.reshape(-1)[places]
         compute = self.compute
         taken = take_numbers(compute, self.buffer, upload(compute, places.astype(np.int32)), len(places))

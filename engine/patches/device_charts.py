@@ -27,18 +27,18 @@ from .patch_kernels import OPTIONS, SOURCE
 #: Texels of each work item, as in kernels/patches/list_patches.cl.
 SEGMENT = 32
 
-#: Bytes of a texel in the larger image and in both, and maximum fraction of the device's memory for them
-#: (chosen). Kernels number texels by int32.
-_LARGER, _BOTH, _FRACTION, _MOST_TEXELS = 8, 12, 1 / 4, 1 << 31
+#: Bytes of a covered texel in the largest buffer and in all, with its patch before and after it is inset, and
+#: maximum fraction of the device's memory for them (chosen). Kernels number texels by int32.
+_LARGEST, _ALL, _FRACTION, _MOST_TEXELS = 12, 48, 1 / 2, 1 << 31
 
 
 def fits_device(compute: ComputeDevice, texels: int) -> bool:
-    """Return True if the drawings of that many texels, covered or not, fit the device."""
+    """Return True if the drawings and patches of that many texels fit the device."""
     device = compute.device
     return (
-        texels < _MOST_TEXELS
-        and _LARGER * texels <= device.max_mem_alloc_size
-        and _BOTH * texels <= _FRACTION * device.global_mem_size
+        0 < texels < _MOST_TEXELS
+        and _LARGEST * texels <= device.max_mem_alloc_size
+        and _ALL * texels <= _FRACTION * device.global_mem_size
     )
 
 

@@ -64,7 +64,7 @@ class TexelIndex:
         if atlases not in self._entries:
             most = max(self._entries, default=0)
             whole = self._entries[most] if most > atlases else self._numbered(atlases)
-            self._entries[atlases] = whole[:atlases]
+            self._entries[atlases] = whole if len(whole) == atlases else whole[:atlases]
         return self._entries[atlases]
 
     def entries_in(self, atlases: int) -> Rows:

@@ -268,6 +268,7 @@ def test_patches_of_the_device_are_those_of_the_host(graphics, compute):
     assert patches.barycentric == pytest.approx(expected.barycentric, rel=3e-7)
     assert [patches.count_in(atlases) for atlases in range(4)] == [expected.count_in(n) for n in range(4)]
     assert np.array_equal(patches.on_texels(3), expected.on_texels(3))
+    assert patches.on_texels(3) is host_rows(patches.index.entries_in(3))
     assert np.array_equal(host_rows(counts), patch_geometry(triangles, expected).on_triangle)
     covers = cover_counts(graphics, triangles, 3, resolution)
     assert all(np.array_equal(mine, theirs) for mine, theirs in zip(drawn.counts, covers, strict=True))
@@ -277,7 +278,8 @@ def test_patches_of_the_device_are_those_of_the_host(graphics, compute):
 
 
 def test_charts_beyond_the_device_are_listed_on_the_host(graphics, compute, monkeypatch):
-    assert fits_device(compute, 1000) and not fits_device(compute, 1 << 31)
+    assert fits_device(compute, 1000)
+    assert not fits_device(compute, 1 << 31) and not fits_device(compute, 0)
     scene = nine_quad_room()
     bakes = []
     for fits in (True, False):

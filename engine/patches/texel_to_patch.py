@@ -61,7 +61,11 @@ def index_map(
         none = np.zeros(0, np.uint32), np.zeros(0, bool)
         return before or IndexMap(patches, charts.entries, *none, charts.on_triangle)
     if compute:
-        return _index_on(DeviceBorder(compute, geometry, border), charts, before)
+        index = _index_on(DeviceBorder(compute, geometry, border), charts, before)
+        if compute.processor:
+            # Kernels on a CPU read arrays of the host in place, which may be freed from now on.
+            compute.queue.finish()
+        return index
     entries, texels = host_rows(charts.entries), HostBorder(geometry, border)
     nearest, inside = texels.nearest_patches(patches, entries)
     found = nearest

@@ -11,9 +11,6 @@ from pathlib import Path
 
 from ..errors import WorkerError
 
-#: Folder of the blocks on Linux.
-_FOLDER = Path("/dev/shm")
-
 
 def create_memory(size: int, spare: int = 0) -> SharedMemory:
     """Create a block of `size` bytes; raise WorkerError if memory is short.
@@ -39,17 +36,16 @@ def create_memory(size: int, spare: int = 0) -> SharedMemory:
 
 def _reserve(memory: SharedMemory) -> None:
     """Allocate the pages of a block where the system would do so at the first write."""
-    path = _FOLDER / memory.name
-    if sys.platform == "linux" and path.exists():
+    if sys.platform == "linux" and (path := Path("/dev/shm") / memory.name).exists():
         with path.open("r+b") as file:
             os.posix_fallocate(file.fileno(), 0, memory.size)
 
 
 def _room() -> float:
     """Return the free shared memory, bytes; infinity if unknown."""
-    if sys.platform != "linux" or not _FOLDER.exists():
+    if sys.platform != "linux" or not Path("/dev/shm").exists():
         return math.inf
-    room = os.statvfs(_FOLDER)
+    room = os.statvfs("/dev/shm")
     return room.f_bavail * room.f_frsize if room.f_blocks else math.inf
 
 

@@ -37,10 +37,10 @@ class DeviceBorder:
     def nearest_patches(self, patches: PatchList, entries: Rows) -> tuple[DeviceRows, DeviceRows, DeviceRows]:
         """Find the nearest patch on the surface of each border texel; return three (m,) uint32.
 
-        Both are on one surface if they belong to the same mesh and are at most twice as far apart in the
-        world as on the lightmap. The first array has the patch + 1, or 0. The second is 1 where the
-        triangle's point nearest to the centre lies inside the texel. The third is 1 where it does and there
-        is no patch.
+        A patch is on the surface of a texel if its triangle belongs to the same mesh, and if it is at most
+        twice as far away in the world as on the lightmap. The first array has the number of that patch + 1,
+        or 0 without one. The second is 1 if the point of the texel's triangle nearest to the texel's centre
+        lies inside the texel. The third is 1 if the second is 1 and the first is 0.
 
         entries:  (atlases, r, r) uint32, see `PatchList.on_texels`
         """
@@ -62,7 +62,7 @@ class DeviceBorder:
     def with_thin(
         self, patches: PatchList, entries: Rows, counts: Rows, chosen: DeviceRows
     ) -> tuple[PatchList, DeviceRows]:
-        """Return the patches with new ones at border texels, and the number on each triangle.
+        """Add a patch at each chosen border texel; return all patches, and their number on each triangle.
 
         A new patch lies at the centroid of the covered part of its texel. Rays from a point on an edge would
         miss adjacent surfaces.

@@ -92,7 +92,10 @@ def covered_texels(scene: Scene, geometry: PatchGeometry) -> np.ndarray:
 def cover_counts(
     graphics: GraphicsContext, triangles: Triangles, atlases: int, resolution: int
 ) -> list[np.ndarray]:
-    """Return the number of triangles that cover each texel centre, see `DeviceCharts.counts`."""
+    """Return the number of triangles that cover each texel centre, (h, r) uint8 for each atlas.
+
+    Rows above the first h have no charts.
+    """
     drawn = (draw_atlas(graphics, OVERLAP, triangles, atlas, resolution)[0] for atlas in range(atlases))
     return [counts.reshape(-1, resolution) for counts in drawn]
 

@@ -37,10 +37,10 @@ def untried_visibility(settings: Settings) -> str:
 
 
 def choose_sampler(job: SolveJob) -> tuple[VisibilitySampler, list[str], float]:
-    """Return the visibility sampler, the reasons, and the time of a sample, s (NaN untimed).
+    """Return the visibility sampler, its reasons, and the time of a sample, s; NaN if not timed.
 
-    Rays unless the settings request raster: a hemicube sees from the centre of a texel only, and a choice by
-    speed would depend on the load of the machine.
+    The sampler casts rays unless the settings request drawn hemicubes, which see from the centre of a texel
+    only. Speed does not decide, since it depends on the load of the machine.
     """
     wanted, makers = job.settings.visibility, _makers(job)
     if wanted != "auto":

@@ -154,7 +154,10 @@ def _check_materials(mesh: Mesh, count: int) -> None:
 def _check_uv_maps(
     mesh: Mesh, materials: Sequence[Material], textures: Mapping[int, Sequence[Texture]]
 ) -> None:
-    """Raise SceneError if a mesh lacks the UV map of a texture; textures: those of materials with any."""
+    """Raise SceneError if a mesh lacks the UV map that a texture of its materials needs.
+
+    textures:  textures by index of their material
+    """
     for index in np.flatnonzero(np.bincount(mesh.material)):
         for texture in textures.get(int(index), ()):
             if texture.uv_map not in mesh.texture_uvs:

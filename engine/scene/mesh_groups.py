@@ -27,7 +27,7 @@ def mesh_groups(meshes: Sequence[Mesh]) -> Iterator[Sequence[Mesh]]:
 
 
 def joined(meshes: Sequence[Mesh], name: str) -> np.ndarray:
-    """Concatenate an array of meshes, such as "positions"; that of a single mesh is not copied."""
+    """Concatenate one array, such as "positions", of all meshes; that of a single mesh is not copied."""
     return joined_rows([getattr(mesh, name) for mesh in meshes])
 
 

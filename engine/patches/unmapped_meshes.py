@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..array_ops import joined_rows, map_blocks, order_of, run_numbers, run_starts, taken
+from ..array_ops import map_blocks, order_of, run_numbers, run_starts, taken
 from ..scene.mesh_groups import joined, mesh_boxes, mesh_groups
 from ..scene.model import NO_LIGHTMAP, Mesh, Scene
 from ..scene.triangles import Triangles
@@ -151,8 +151,8 @@ def _shapes(meshes: list[Mesh], blocks: Blocks) -> _Shapes:
 
     A block is at least as wide as the root of its triangle's area, so that its texels match that area.
     """
-    corners = joined_rows([mesh.positions for mesh in meshes])
-    material = joined_rows([mesh.material for mesh in meshes])
+    corners = joined(meshes, "positions")
+    material = joined(meshes, "material")
     kind = np.repeat(np.arange(len(meshes)), [len(mesh.positions) for mesh in meshes])
     kind *= int(material.max()) + 1
     count = len(corners)
